@@ -8,16 +8,19 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from granswim_pymunk.inference.candidates import law_terms, named_terms
+from granswim_pymunk.inference.candidates import law_terms, named_terms, unseen_terms
 from granswim_pymunk.inference.data import prepare
 from granswim_pymunk.inference.entry import diagnose
 from granswim_pymunk.inference.hypothesis import Hypothesis, Predictor
 from granswim_pymunk.inference.tracks.fit import Fitter
+from granswim_pymunk.inference.tracks.hidden import slowed_beside
+from granswim_pymunk.inference.tracks.model import Tracks
 from granswim_pymunk.inference.tracks.name import try_candidates
 from granswim_pymunk.inference.tracks.pairs import any_field
 from granswim_pymunk.inference.tracks.settle import reaches_its_end
 from granswim_pymunk.inference.tracks.signatures import make_bank
 from granswim_pymunk.inference.tracks.steps import time_steps
+from granswim_pymunk.inference.tracks.study import search_with, tried_besides
 from granswim_pymunk.laws import get_law
 from granswim_pymunk.recording import Recording
 from granswim_pymunk.scene import Body, Scene, use
@@ -95,3 +98,29 @@ def test_held_out_data_ask_for_the_point_where_they_turn_a_name_down():
     told = entry["parameters"]
     assert entry["name"] == "unknown" and told["n"]["low"] < 1.5 < told["n"]["high"]
     assert all(low < at < high for low, at, high in zip(told["a"]["low"], POINT, told["a"]["high"], strict=True))
+
+
+def test_it_is_asked_for_beside_what_slows_the_pucks_down():
+    """Alone it explains less than a drag, and neither was told: a push on one puck and a stream were."""
+    drag, strength, starts = 0.01, -2e-2 * RADIUS**3, ((-0.2, 0.0, 0.35, 0.02), (0.3, 0.05, -0.45, -0.03))
+
+    def rate(_, s):
+        away = s[:2] - POINT
+        return [*s[2:], *((strength * away / (away @ away + 0.03**2) ** 2 - drag * s[2:]) / MASS)]
+
+    t, how = np.arange(120) / 60, {"rtol": 1e-9, "atol": 1e-12}
+    xy = np.stack([solve_ivp(rate, (0, t[-1]), s, t_eval=t, **how).y[:2].T for s in starts], axis=1)
+    xy = xy + NOISE * np.random.default_rng(11).normal(size=xy.shape)
+    model = Tracks([Recording("pucks", Scene(PUCKS, ()), t, ("a", "b"), xy, sampling=60.0, position_noise=NOISE)])
+    model.recalibrate()
+    model.try_candidates()
+    model.nulls()
+    plain, terms = model.plain, unseen_terms(model.study.cases)
+    search = search_with(model.study, tried_besides(model.study, model.tried, terms), model.study.fitter)
+    found = slowed_beside(search, model.tried.alive, terms, plain.fit, 0)
+    assert found is not None and found.mechanism == "linear_drag"
+    other = model.with_unseen(0, plain)
+    assert other is not None and other.chosen is not None and other.chosen.mechanism == "linear_drag"
+    # a claim that leaves as little with fewer numbers is not asked
+    done = replace(plain.fit, chi2=0.6 * plain.fit.count)
+    assert slowed_beside(search, model.tried.alive, terms, done, 1) is None

@@ -157,8 +157,10 @@ class ObservationModel(ABC):
     def mismatch(self, claim: Claim) -> Mismatch:
         """Whether the scene is off by more than chance, and whether an adjustable moved."""
 
-    def with_unseen(self, told: int) -> ObservationModel | None:
+    def with_unseen(self, told: int, claim: Claim) -> ObservationModel | None:
         """The same with laws of what nobody sees, which are asked where no other explains; None where there is none.
+
+        None, too, where by themselves, and beside what slows bodies down, they leave more than ``claim``.
 
         Of its own, with the first ``told`` notes: what is asked of it, and noted, leaves this one as it was.
         """

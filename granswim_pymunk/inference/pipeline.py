@@ -47,6 +47,7 @@ def diagnose_by(model: ObservationModel, seed: int = 0) -> Diagnosis:
     judged, held = part_that_stands(model, judged, held)
     if not asked:
         model, judged, held = unseen_after_held_out(model, judged, held, told)
+    judged = told_as_unseen(model, judged)
     judged = after_held_out(model, judged, held)
     places = model.locate(judged)
     left = model.left(judged)
@@ -119,7 +120,7 @@ def _of_what_nobody_sees(
     Beside what is named anyway it takes no name away: a note says what it would be.
     told : how many notes there were before a claim was judged
     """
-    further = model.with_unseen(told)
+    further = model.with_unseen(told, judged.claim)
     if further is None:
         return None
     claim = further.search(None)
@@ -153,6 +154,11 @@ def unseen_after_held_out(
     if after.outcome != "holds" or after.unlike or not model.predicts_better(held, after):
         return model, judged, held
     return *found, after
+
+
+def told_as_unseen(model: ObservationModel, judged: Judgement) -> Judgement:
+    """What holds a law of what nobody sees is told as a form without a name, however it came to be claimed."""
+    return (model.as_unseen(judged) if judged.verdict in CLAIMED else None) or judged
 
 
 def another_of_the_class(model: ObservationModel, judged: Judgement, held: HeldOut) -> tuple[Judgement, HeldOut]:

@@ -205,6 +205,9 @@ class ReleaseCriteria:
     commanded : times ``away``, that a command would have moved a body which rests, the least. Choice: a gain that is
         believed is seldom six times too large, and what follows a command is not so much slower than it at first
     lasts : of the first command, down to which it goes on. Choice
+    share : of the frames that are learnt from, up to which first ones are left out as those of a hand. Choice: a third
+        of the film has to be another motion to be taken for the motion;  begun : how many numbers of first frames are
+        tried. Choice: a start is then known to a thirtieth of the film
     """
 
     still: int = 5
@@ -218,6 +221,8 @@ class ReleaseCriteria:
     falls: float = 100.0
     commanded: float = 6.0
     lasts: float = 0.5
+    share: float = 0.34
+    begun: int = 12
 
 
 @dataclass(frozen=True)

@@ -49,6 +49,7 @@ from ..places import Place
 from ..result import Diagnosis, Progress, Used
 from ..significance import Null, after_looks, price
 from ..trial import rows_of
+from .begun import without_first_frames
 from .believed import off_belief
 from .blocks import make_blocks, score
 from .choose import absurd, choose, of_the_apparatus, rivals_of, worth
@@ -73,6 +74,7 @@ from .held_out import (
     windows_of_lost,
     worse_by_chance,
 )
+from .hidden import slowed_beside
 from .innovations import Whiteness, WindowMap, locate, seen_by, series_of, variance_by_case, whiteness, window_map
 from .intervals import with_company, with_doubt, with_limits, with_none_beyond, with_other_choices, with_slopes
 from .kicks import all_kicks, chance_of_one, not_of, remains_of_kicks, told_of_few
@@ -217,6 +219,7 @@ class Tracks(ObservationModel):
         self._asked_lost = False
         self.floor: tuple[float | None, float | None] = (None, None)
         self._completeness: dict[int, tuple[Fit, Completeness]] = {}
+        self._of_the_unseen: list[str] = []  # notes on a law of what nobody sees, and what stands beside it
         self.beside_more: Fit | None = None  # what is claimed, with the intervals that it has beside one more law
 
     @property
@@ -231,9 +234,14 @@ class Tracks(ObservationModel):
         self.study, self.naive_fit, self.recalibrated_fit = fits
         self.study, self.recalibrated_fit = with_close_joints(self.study, self.recalibrated_fit)
         tried = tried_alone(self.study, self.naive_fit, self.recalibrated_fit)
+        later = without_first_frames(self.study, tried)
+        if later is not None:
+            self.study = later
+            self.recalibrate()
+            tried = tried_alone(self.study, self.naive_fit, self.recalibrated_fit)
         self.study, self.tried = with_memory(*without_outliers(self.study, tried))
 
-    def with_unseen(self, told: int) -> Tracks | None:
+    def with_unseen(self, told: int, claim: Claim) -> Tracks | None:
         terms = unseen_terms(self.study.cases)
         if not terms or self.null is None or self.study.late(current().budget.settling):
             return None
@@ -244,8 +252,11 @@ class Tracks(ObservationModel):
         other._looked_at, other._completeness = set(self._looked_at), dict(self._completeness)
         other.tried = tried_besides(other.study, self.tried, terms)
         other.chosen = chosen_alone(other.study, other.tried, self.null)
-        # where another law explains more by itself, this one would only stand beside it
-        return other if other.chosen is not None and has_role(other.chosen.mechanism, "source") else None
+        if other.chosen is not None and has_role(other.chosen.mechanism, "source"):
+            return other
+        search = search_with(other.study, other.tried, other.study.fitter)
+        other.chosen = slowed_beside(search, self.tried.alive, terms, claim.fit, sum(t.used for t in claim.laws))
+        return other if other.chosen is not None else None
 
     def as_unseen(self, judged: Judgement) -> Judgement | None:
         laws = judged.claim.laws
@@ -254,10 +265,14 @@ class Tracks(ObservationModel):
         if not unseen:
             return None
         told = Told(judged.claim.fit, self.spread, self.study.cases)
-        self.notes += [f"beside it, in the revised scene: {e['name']}: {e['expression']}" for t in others
-                       for e in told.entries(t, None)]  # fmt: skip
+        self.notes[:] = [note for note in self.notes if note not in self._of_the_unseen]  # another claim's
         (entry, *_), phrase = told.entries(unseen[0], None), plainly(unseen[0].mechanism)
-        self.notes.append(f"{phrase} at which nothing is seen, as of a magnet below a table: {entry['expression']}")
+        self._of_the_unseen = [
+            *(f"beside it, in the revised scene: {e['name']}: {e['expression']}" for t in others
+              for e in told.entries(t, None)),
+            f"{phrase} at which nothing is seen, as of a magnet below a table: {entry['expression']}",
+        ]  # fmt: skip
+        self.notes += self._of_the_unseen
         return replace(judged, verdict="unmodelled", claim=replace(judged.claim, laws=(*unseen, *others)))
 
     def passes(self, claim: Claim) -> bool:
@@ -696,7 +711,10 @@ class Tracks(ObservationModel):
         outcome = None
         if judged.claim.laws:
             outcome = paired_verdict(self.held["recalibrated"], self.held["revised"], rng)
-            if outcome == "fails" and self._excused(judged.claim):
+            if judged.claim.nameless:
+                # a curve has no merit but that it predicts: errors that grow are no matter of chance
+                outcome = "fails" if outcome != "holds" and self._worse() else outcome
+            elif outcome == "fails" and self._excused(judged.claim):
                 outcome = "undecided"
             elif outcome == "undecided" and self._refuted(judged.claim):
                 outcome = "fails"
@@ -776,9 +794,12 @@ class Tracks(ObservationModel):
 
         By more than numbers of the right law leave; and on all frames together the laws do not earn their price.
         """
+        return self._worse() and self._more_held_out() and not self._earned_on_all_frames(claim)
+
+    def _worse(self) -> bool:
+        """Whether held-out errors are larger with the claim than without."""
         after, before = self.held["revised"].rms, self.held["recalibrated"].rms
-        worse = after is not None and before is not None and after > before
-        return worse and self._more_held_out() and not self._earned_on_all_frames(claim)
+        return after is not None and before is not None and after > before
 
     def _earned_on_all_frames(self, claim: Claim) -> bool:
         """Whether laws earn their price on training and held-out frames together, on which their numbers are sure.

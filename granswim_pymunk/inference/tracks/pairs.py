@@ -75,7 +75,7 @@ def two_beside(search: SetSearch, found: list[Trial], revised: Fit) -> tuple[lis
     pairs = list(chosen.values())
     single = {id(s): s for pair in pairs for s in pair}
     asked = [*pairs, *((s,) for s in single.values())]
-    fits = side_by_side(search.fitter, [partial(_beside, base=revised, signatures=signatures) for signatures in asked])
+    fits = side_by_side(search.fitter, [partial(fit_beside, base=revised, signatures=those) for those in asked])
     alone = dict(zip(single, (fit.chi2 for fit in fits[len(pairs) :]), strict=True))
     least, _ = search.inner.score(revised)
     best, answer = revised, found
@@ -90,7 +90,7 @@ def two_beside(search: SetSearch, found: list[Trial], revised: Fit) -> tuple[lis
     return answer, best
 
 
-def _beside(fitter: Fitter, base: Fit, signatures: Sequence[Signature]) -> Fit:
+def fit_beside(fitter: Fitter, base: Fit, signatures: Sequence[Signature]) -> Fit:
     """A fit with laws beside those of a fit, from their first-order amounts."""
     hypothesis = base.hypothesis.with_term(*(s.term for s in signatures))
     begin = np.array([f.first for s in signatures for f in s.term.free])
@@ -238,7 +238,7 @@ def _in_place_of(search: SetSearch, law: Trial, numbers: int) -> list[tuple[Sign
 
     def followed(whole: Fitter, a: Signature, b: Signature) -> Fit | None:
         try:
-            return whole.fit_from(_beside(own.apart(), plain, (a, b)))
+            return whole.fit_from(fit_beside(own.apart(), plain, (a, b)))
         except Failed:
             return None
 
@@ -560,16 +560,16 @@ def any_field(a: Term, b: Term, terms: Sequence[Term]) -> bool:
     if len(pushes) != 1:
         return len(pushes) == 2
     other = b if pushes[0] is a else a
-    return is_part(pushes[0], terms) and not (_goes_with_speed(other) or in_contact_alone(other))
+    return is_part(pushes[0], terms) and not (goes_with_speed(other) or in_contact_alone(other))
 
 
 def _at_a_distance(term: Term) -> bool:
     """Whether a force acts between bodies that do not touch, whatever their speeds."""
     law = all_laws().get(term.law)
-    return law is not None and law.kind == "pair" and bool(law.reach) and not _goes_with_speed(term)
+    return law is not None and law.kind == "pair" and bool(law.reach) and not goes_with_speed(term)
 
 
-def _goes_with_speed(term: Term) -> bool:
+def goes_with_speed(term: Term) -> bool:
     """Whether a force goes with the speed of a body, or of one towards another."""
     law = all_laws().get(term.law)
     return law is not None and (law.damping or bool({"vn", "vt"} & set(law.arguments)))

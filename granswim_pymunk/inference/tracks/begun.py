@@ -1,0 +1,123 @@
+"""First frames in which something else still moves the bodies: a hand that throws, a launcher, a magnet."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..candidates import named_terms
+from ..criteria import current
+from ..data import Case
+from ..hypothesis import Failed
+from ..significance import price
+from .fit import Fitter
+from .fitted import Fit
+from .name import refit
+from .pairs import leaders
+from .signatures import make_bank
+from .study import FittedAlone, Study, with_cases
+
+
+@dataclass(frozen=True)
+class _Left:
+    """What is left once the first ``first`` frames are left out.
+
+    cost : chi2 that is left, and twice as many as there are numbers: of the frames left out, and of a law;
+    noise : whether it passes for noise;  laws : how many there are
+    """
+
+    first: int
+    cost: float
+    noise: bool
+    laws: int
+
+    @classmethod
+    def of(cls, study: Study, case: Case, first: int, fits: Sequence[Fit]) -> list[_Left]:
+        """With the hypotheses of fits to fewer frames, the first of which is that of the scene without a law."""
+        later, scene = _from(case, first), fits[0].hypothesis
+        fitter = Fitter([later], study.predictor, stop=study.stop)
+        gone = int(np.isfinite(case.values[case.training & ~later.training]).sum())
+        told = []
+        for begin in fits:
+            fit = fitter.fit(begin.hypothesis, begin.values, stages=study.stages)
+            numbers, laws = (len(getattr(fit.hypothesis, k)) - len(getattr(scene, k)) for k in ("free", "terms"))
+            told.append(cls(first, fit.chi2 + 2 * (gone + numbers), fit.excess == 0, laws))
+        return told
+
+
+def without_first_frames(study: Study, tried: FittedAlone) -> Study | None:
+    """The study without first frames in which something else moves the bodies; None where there are none.
+
+    A frame that is left out costs as much as a number of its own for each that was measured in it (AIC). So a law that
+    acts all along goes before them, as it takes few numbers to say what it does, and so do they before a law that is
+    only asked for by what a hand did. Not in recordings with impacts or commands, where motion begins anew anyway.
+    """
+    if study.fitter.segmented or study.kicked or study.late(current().budget.candidates):
+        return None
+    cases, notes = list(study.cases), list[str]()
+    for at, case in enumerate(cases):
+        first = 0 if case.held_out or case.recording.scene.inputs else _first_free(study, tried, case)
+        if first:
+            cases[at] = _from(case, first)
+            learnt = np.flatnonzero(case.training)
+            begins = float(case.t[learnt[first]])
+            notes.append(
+                f"{case.name}: the first {first} frames are left out, up to t = {begins:.4g} s: bodies move there as "
+                "nothing in the scene moves them, as in a hand or a launcher"
+            )
+    if not notes:
+        return None
+    study.notes += notes
+    return with_cases(study, cases)
+
+
+def _first_free(study: Study, tried: FittedAlone, case: Case) -> int:
+    """How many of the first frames of a recording are none of the motion."""
+    criteria = current().release
+    most = int(criteria.share * case.training.sum())
+    counts = [int(k) for k in np.unique(np.linspace(0, most, criteria.begun + 1).astype(int))]
+    if len(counts) < 3:
+        return 0
+    used = len(tried.best.values) - len(tried.recalibrated.values)
+    try:
+        plain, with_laws = _without(study, tried.recalibrated, case, counts[-1])
+        if not any(_is_noise(fit) for fit in (plain, *with_laws)):
+            return 0  # something is missing all along
+        left = [_Left.of(study, case, k, [plain, *with_laws]) for k in counts]
+    except Failed:
+        return 0
+    if left[0][0].noise:
+        return 0  # nothing asks for it
+    before = [2 * used + float(np.nansum(tried.best.white[case.name] ** 2))] if case.name in tried.best.white else []
+    now = min([*before, *(w.cost for w in left[0])])
+    found = [w for those in left[1:] for w in those if w.noise]
+    least = min(w.cost for w in found)
+    alike = [w for w in found if w.cost <= least + current().verdict.same]
+    best = min(alike, key=lambda w: (w.laws, w.first))  # the scene as it is before one with a law
+    # what acts all along leaves less the more is left out
+    asks = best.first < counts[-1] and best.cost < now - (price(len(counts), 1) if best.laws else 0)
+    return best.first if asks else 0
+
+
+def _is_noise(fit: Fit) -> bool:
+    return fit.excess == 0
+
+
+def _without(study: Study, plain: Fit, case: Case, first: int) -> tuple[Fit, list[Fit]]:
+    """The scene fitted to all frames but the first ones, and with each of the laws that explain most to first order."""
+    later = _from(case, first)
+    fitter = Fitter([later], study.predictor, stop=study.stop)
+    fit = fitter.fit_widely(plain.hypothesis, None, stages=study.stages)
+    bank = make_bank(fitter, fit, named_terms([later])).signatures
+    ahead = sorted(((2 * len(s.directions.T) - s.gain, k) for k, s in enumerate(bank)))
+    shown = [bank[k] for behind, k in ahead if behind < 0]
+    return fit, [refit(fitter, fit, s, study.stages) for s in leaders(shown, current().sets.seconds)]
+
+
+def _from(case: Case, first: int) -> Case:
+    """The recording, learnt from its ``first`` training frame on, counted from none."""
+    gone = np.zeros(len(case.t), dtype=bool)
+    gone[np.flatnonzero(case.training)[:first]] = True
+    return replace(case, training=case.training & ~gone, start=case.start & ~gone)

@@ -1,0 +1,68 @@
+"""Films that begin before the motion does: in a hand that throws, or in a launcher."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from granswim_pymunk.inference.entry import diagnose
+from granswim_pymunk.recording import Recording
+from granswim_pymunk.scene import Body, Scene
+
+RATE, NOISE, MASS, GRAVITY = 60.0, 1e-3, 0.0027, (0.0, -9.81)  # Hz, m, kg, m/s^2
+BALL = Body("ball", "free", 0.02, MASS)
+
+
+def thrown(pushed: int, drag: float = 0.0, seed: int = 3, push=(90.0, 110.0), wind=0.0) -> Recording:
+    """A ball that something pushes for so many frames, with m (push) [N], and that flies from then on.
+
+    drag [kg/m]: of the square of its speed;  wind [N]: what pushes it all along
+    """
+    t = np.arange(60) / RATE
+    until = (pushed - 0.5) / RATE
+
+    def rate(s, y):
+        v = y[2:]
+        a = np.array(push) * (s < until) - drag / MASS * np.hypot(*v) * v + np.array([wind / MASS, 0.0])
+        return [*v, a[0] + GRAVITY[0], a[1] + GRAVITY[1]]
+
+    begin = [0.0, 0.0, 0.3, 0.3] if pushed else [0.0, 0.0, 3.0, 4.0]
+    xy = solve_ivp(rate, (0, t[-1]), begin, t_eval=t, max_step=0.2 / RATE, rtol=1e-9, atol=1e-12).y[:2].T
+    xy = xy + NOISE * np.random.default_rng(seed).normal(size=xy.shape)
+    return Recording("thrown", Scene((BALL,), (), gravity=GRAVITY), t, ("ball",), xy[:, None, :], sampling=RATE,
+                     position_noise=NOISE)  # fmt: skip
+
+
+def left_out(verdict) -> list[str]:
+    return [note for note in verdict["notes"] if "as in a hand or a launcher" in note]
+
+
+def frames_left_out(verdict) -> int:
+    (note,) = left_out(verdict)
+    return int(re.search(r"the first (\d+) frames are left out", note).group(1))
+
+
+@pytest.mark.parametrize("pushed", [2, 3])
+def test_what_a_hand_does_is_no_law(pushed):
+    """It was a stream of air, or a drag that changes with the place, and complete."""
+    found = diagnose([thrown(pushed)]).verdict
+    assert found["verdict"] == "no_mismatch" and found["mechanisms"] == []
+    assert pushed <= frames_left_out(found) <= pushed + 2
+
+
+def test_the_drag_after_a_launcher_is_found():
+    """The launcher was told as a drag that is negative where it stands, and held-out data went 5 m astray."""
+    found = diagnose([thrown(5, drag=5e-4)]).verdict
+    assert 5 <= frames_left_out(found) <= 7
+    (entry,) = found["mechanisms"]
+    c = entry["parameters"]["c"]
+    assert entry["name"] == "quadratic_drag" and c["low"] < 5e-4 < c["high"]
+
+
+@pytest.mark.parametrize("film", [{"drag": 5e-4}, {"drag": 5e-4, "wind": 0.004}, {"drag": 3e-5}, {}])
+def test_what_acts_all_along_is_left_in(film):
+    """One law, two, a weak one and none: first frames are fitted no better without than the others."""
+    assert left_out(diagnose([thrown(0, **film)]).verdict) == []
