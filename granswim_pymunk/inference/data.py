@@ -203,10 +203,11 @@ def coarse_grid(t: np.ndarray, values: np.ndarray) -> float:
     again, and a step g is g/sqrt(12) of noise, which neighbours share while the body moves less than a step a frame.
     Noise told from frames apart then grows without any filter. A filter's output is a mean of several numbers, each
     frame its own, and lies on a finer grid than they did. Where it was rounded to a coarse one once more, rounding is
-    what neighbours show, and of a filter they tell nothing.
+    what neighbours show, and of a filter they tell nothing. Readings that were written to the millimetre are on that
+    grid, though no two of a few may be a millimetre apart.
     """
     seen = np.isfinite(values)
-    step = grid_of(values[seen])
+    step = grid_of(values[seen]) or last_place(values[seen])
     return step if step and step >= current().smoothed.coarse * estimate_noise(t, values) else 0.0
 
 

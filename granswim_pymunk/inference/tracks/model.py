@@ -124,6 +124,7 @@ from .verdict import (
     as_a_push,
     as_a_spring,
     as_the_picture,
+    at_any_shape,
     at_its_bound,
     below,
     beside_its_own,
@@ -1146,6 +1147,9 @@ class Tracks(ObservationModel):
             if not any(meets_when_scored(c) for c in self.study.cases):
                 shows = "show" if len(laws) > 1 else "shows"
                 notes.append(f"the held-out part holds no impact, where alone {course.judged.claim.label} {shows}")
+        if course.judged.verdict in CLAIMED:
+            fit = self.beside_more or course.judged.claim.fit
+            notes += at_any_shape(Told(fit, self.spread, self.study.cases), laws)
         entries = self.mechanisms(course)
         notes += beside_its_own(entries, self.study.cases)
         notes += as_the_picture(entries, self.study.cases)

@@ -23,6 +23,7 @@ from ..result import HELD_OUT, PARTLY, TRAINING, Used, handed_over, mechanism_en
 from ..start import describe_starts, first_numbers, states
 from ..swimmer_terms import is_components, reported_parameters
 from .fitted import Fit
+from .intervals import with_shape_held
 from .name import Trial
 
 Written = tuple[Any, Any, Any, str]  # value, low, high, unit
@@ -225,7 +226,7 @@ class Told:
 
     def entries(self, trial: Trial, gain: float | None) -> list[dict[str, Any]]:
         """The entries of one law: one, or one for each body that has a strength of its own."""
-        offset, term = _offset(self.fit, trial), trial.term
+        offset, term, untold = _offset(self.fit, trial), trial.term, self.untold(trial)
         bodies = owners(term)
         # a joint is named by the bodies that it joins
         known = all_laws().get(term.law)
@@ -243,7 +244,7 @@ class Told:
             for name, rows in () if is_components(term) else term.groups:
                 mine = [r for r in rows if r < 0 or owner is None or term.free[r].name.endswith(f"[{owner}]")]
                 if any(r >= 0 for r in mine):
-                    parameters[name] = self._parameter(offset, term, mine)
+                    parameters[name] = self._parameter(offset, term, mine, untold)
             for name, (value, unit) in ({k: (v, "1") for k, v in term.choices.items()} | dict(term.fixed)).items():
                 parameters[name] = (value, None, None, unit)
             said = term.expression
@@ -263,6 +264,17 @@ class Told:
                 )
             )  # fmt: skip
         return entries
+
+    def untold(self, trial: Trial) -> list[int]:
+        """Numbers of the shape of a law with a name that may be anything that was sought: nothing tells them."""
+        if nameless(trial.mechanism):
+            return []
+        told, offset = [], _offset(self.fit, trial)
+        for r, free in enumerate(trial.term.free):
+            _, low, high = self.fit.interval(offset + r, self.spread)
+            if free.inner and math.isfinite(free.high - free.low) and low <= free.low and high >= free.high:
+                told.append(r)
+        return told
 
     def _of_what_shows(self, term: Term, parameters: Mapping[str, Written]) -> tuple[dict[str, Written], str]:
         """Numbers and expression of a form without a name, without those that change nothing of what was seen.
@@ -288,16 +300,22 @@ class Told:
             said = said.replace("X, Y the place", f"{(kinds.pop()).upper()} the place")
         return told, said
 
-    def _parameter(self, offset: int, term: Term, rows: Sequence[int]) -> Written:
+    def _parameter(self, offset: int, term: Term, rows: Sequence[int], untold: Collection[int] = ()) -> Written:
         found: list[tuple[float, float | None, float | None]] = []
+        # along the valley of a strength and a shape that nothing tells the strength may be anything, too
+        held = with_shape_held(self.fit, term.label) if untold else self.fit
         for r in rows:
             if r >= 0 and term.free[r].name in term.along:  # components that show only together: each may be any
                 size = float(self.fit.values[offset + r])
                 found += [(size * part, None, None) for part in term.along[term.free[r].name]]
             elif r < 0:  # a component that these recordings do not show
                 found.append((0.0, None, None))
+            elif r in untold:
+                found.append((float(self.fit.values[offset + r]), None, None))
             else:
-                value, *ends = self.fit.interval(offset + r, self.spread)
+                own = self.fit if term.free[r].inner else held
+                row = offset + r - sum(f.inner for f in term.free[:r]) * (own is not self.fit)
+                value, *ends = own.interval(row, self.spread)
                 low, high = (end if math.isfinite(end) else None for end in ends)
                 found.append((value, low, high))
         unit = next(term.free[r].unit for r in rows if r >= 0)
@@ -312,6 +330,17 @@ class Told:
         value, low, high = self.fit.interval(offset + r, self.spread)
         direction = ", ".join(f"{part:.3g}" for part in term.along[free.name])
         return f"; only its part along [{direction}] shows, {value:.4g} ({low:.4g} to {high:.4g}) {free.unit}"
+
+
+def at_any_shape(told: Told, laws: Sequence[Trial]) -> list[str]:
+    """Notes on laws whose shape may be anything that was sought: their strengths are told at one shape."""
+    notes = []
+    for law in laws:
+        free = [law.term.free[r] for r in told.untold(law)]
+        if free:
+            names = " and ".join(f"{f.name} ({f.low:g} to {f.high:g})" for f in free)
+            notes.append(f"{names}: anything that was sought will do; strengths are told at the value given")
+    return notes
 
 
 def revised_scene(fit: Fit, values: np.ndarray, case: Case, dt: float) -> Scene:
