@@ -15,7 +15,16 @@ from typing import TYPE_CHECKING, Any
 
 from .errors import InputError
 from .inference.criteria import DEFAULT, Criteria
-from .inference.mechanisms import CLAIMED, NONE_DIFFERS, NOTHING, forms_in_words, nameless, none_differs, parts_of
+from .inference.mechanisms import (
+    CLAIMED,
+    NONE_DIFFERS,
+    NOTHING,
+    forms_in_words,
+    nameless,
+    none_differs,
+    not_told_apart,
+    parts_of,
+)
 from .inference.result import not_tried
 
 if TYPE_CHECKING:
@@ -107,7 +116,7 @@ class Result(Mapping[str, Any]):
             ("Explained", standing(v)),
             ("Recalibrated", _parameter_lines(v.get("recalibrated") or {})),
             (f"Errors in {v['fit']['unit']}", _error_lines(v["fit"])),
-            ("Rivals", _rival_lines(v["rivals"])),
+            ("Rivals", _rival_lines(v)),
             ("Where", [_place_line(place) for place in v["mismatch"]]),
             ("Chance", _chance_lines(v.get("null"))),
             ("Next experiment", _next_lines(v.get("next_experiment"), self.criteria.verdict.decides)),
@@ -133,7 +142,7 @@ class Result(Mapping[str, Any]):
             )
         head = "<tr><th>law</th><th>on</th><th>expression</th><th>numbers</th></tr>"
         table = f"<table>{head}{''.join(rows)}</table>" if rows else ""
-        said = "".join(f"<li>{escaped(line)}</li>" for line in (*standing(v), *_rival_lines(v["rivals"])))
+        said = "".join(f"<li>{escaped(line)}</li>" for line in (*standing(v), *_rival_lines(v)))
         return (
             f"<div><p><b>{escaped(v['verdict'])}</b>: {escaped(_spoken(v))}</p>{table}"
             f"{f'<ul>{said}</ul>' if said else ''}</div>"
@@ -400,9 +409,9 @@ def rival_names(rivals: Sequence[Mapping[str, Any]]) -> tuple[list[str], list[st
     return list(same), list(worse)
 
 
-def _rival_lines(rivals: Sequence[Mapping[str, Any]]) -> list[str]:
-    same, worse = rival_names(rivals)
-    lines = [f"these data cannot tell it from {', '.join(same)}"] if same else []
+def _rival_lines(verdict: Mapping[str, Any]) -> list[str]:
+    _, worse = rival_names(verdict["rivals"])
+    lines = [said] if (said := not_told_apart(verdict)) else []
     return [*lines, f"do worse: {', '.join(worse)}"] if worse else lines
 
 

@@ -111,6 +111,26 @@ def test_a_stamp_out_of_order_is_told_with_its_row(tmp_path, stamps, row):
     assert [note.startswith(row) for note in told] == ([True] if row else [])
 
 
+def test_a_column_that_goes_back_again_and_again_is_hardly_the_time(tmp_path):
+    """Headings in another order than the columns: x was read as the time, and its rows sorted without a word."""
+    rows = "\n".join(f"{t},{k},{2 * k}" for k, t in enumerate([0, 1, 2, 3, 2.5, 1.5, 0.5]))
+    (tmp_path / "a.csv").write_text("t,x,y\n" + rows + "\n")
+    (done,) = import_all(tmp_path / "a.csv", tmp_path / "out", bodies=["*:5mm:10g"], scene="drop", picture=False)
+    (told,) = [note for note in done.notes if "is another column the time" in note]
+    assert told.startswith("body ") and "goes back in 3 of its 7 rows" in told
+
+
+def test_bodies_may_be_called_as_their_headings_are(tmp_path):
+    """ "x1 is hardly seen" was said of a column x1 that was there in every row: its body is called 1."""
+    rows = "\n".join(f"{k / 10},{k / 100},{1 - k / 100}" for k in range(12))
+    (tmp_path / "a.csv").write_text("t,x1,x2\n" + rows + "\n")
+    (done,) = import_all(
+        tmp_path / "a.csv", tmp_path / "out", bodies=["x1:1cm:179.3g", "x2:1.1cm:319.7g"], scene="cart", picture=False
+    )
+    assert done.recording.ids == ("x1", "x2") and [b.mass for b in done.recording.scene.bodies] == [0.1793, 0.3197]
+    assert "'1' is taken for x1" in done.notes
+
+
 @pytest.mark.parametrize("rate", [25.0, 60.0, 100.0])
 def test_arms_that_whip_between_frames_are_struck_by_nothing(rate):
     """The lower one of two arms of 20 cm turns by a radian in 30 ms: a film that is slower shows steps of its speed."""

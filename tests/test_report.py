@@ -417,7 +417,7 @@ def test_rivals_that_cannot_be_told_apart_are_named_and_marked(cases):
     alike = replace(
         d, verdict={**d.verdict, "rivals": [rival]}, evidence=replace(d.evidence, rivals=[(trial, True)])
     )  # fmt: skip
-    assert f"cannot tell it apart from {spoken(trial.mechanism)}" in told(alike)
+    assert f"cannot tell it from {spoken(trial.mechanism)}" in told(alike)
     labels = [t.get_text() for t in draw.candidates(alike.evidence).axes[0].get_yticklabels()]
     assert [name for name in labels if "≈" in name] == [f"{trial.term.label} ≈"]
 

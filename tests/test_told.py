@@ -9,7 +9,9 @@ import pytest
 from test_docs import PLACEHOLDERS, ROOT, blocks, run
 
 from granswim_pymunk.cli import main
+from granswim_pymunk.inference.mechanisms import not_told_apart
 from granswim_pymunk.recording import shipped_names
+from granswim_pymunk.report.words import spoken
 
 # those of the first are run in test_track.py
 PAGES = ("docs/tutorial_video.md", "README.md", "docs/index.md", "docs/import_tracks.md", "docs/export.md")
@@ -87,3 +89,16 @@ def test_the_readme_prints_what_the_verdict_of_the_pictures_says():
     (printed,) = re.findall(r"```\n(verdict: .*?)```", text, re.DOTALL)
     for word in ("explains", "held-out data:", "these data cannot tell it from", "training [rad rms]:", "noise floor"):
         assert word in printed
+
+
+def test_laws_not_told_apart_are_those_of_what_was_withdrawn_where_nothing_is_named():
+    """ "Cannot tell it" stood there without an it."""
+    rivals = [
+        {"name": "linear_drag", "indistinguishable": False, "withdrawn": True},
+        {"name": "uniform_force", "indistinguishable": True}, {"name": "spring", "indistinguishable": False},
+    ]  # fmt: skip
+    named = not_told_apart({"mechanisms": [{}], "rivals": rivals[1:]})
+    assert named == "these data cannot tell it from uniform_force"
+    gone = not_told_apart({"mechanisms": [], "rivals": rivals}, spoken)
+    assert gone == "the data that were learnt from could not tell linear drag from a uniform force"
+    assert not_told_apart({"mechanisms": [], "rivals": rivals[:1]}) == ""

@@ -28,6 +28,7 @@ def main(args: argparse.Namespace) -> int:
     from ..console import default_out, put_figures
     from ..errors import InputError
     from ..inference.entry import ProgressLine, diagnose
+    from ..inference.mechanisms import not_told_apart
     from ..result import MOST_BODIES, adjusted, law_line, rival_names, standing
 
     if args.minutes is not None and not args.minutes > 0:
@@ -50,9 +51,9 @@ def main(args: argparse.Namespace) -> int:
         print(f"  {told}")
     for line in standing(verdict):
         print(f"  {line}")
-    same, worse = rival_names(verdict["rivals"])
-    if same:
-        print(f"  these data cannot tell it from {', '.join(same)}")
+    _, worse = rival_names(verdict["rivals"])
+    if same := not_told_apart(verdict):
+        print(f"  {same}")
     if worse:
         print(f"  rivals that do worse: {', '.join(worse)}")
     unit = verdict["fit"]["unit"]

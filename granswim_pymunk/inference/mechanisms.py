@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from ..laws import all_laws
@@ -41,6 +41,21 @@ def plainly(mechanism: str) -> str:
     if declared is not None and declared.phrase:
         return declared.phrase
     return _OTHERS.get(mechanism) or mechanism.replace("_", " ")
+
+
+def not_told_apart(verdict: Mapping[str, Any], name: Callable[[str], str] = str) -> str:
+    """Which laws these data cannot tell from what is named, or was before held-out data turned it down; "" for none.
+
+    name : how a law is called
+    """
+    rivals = verdict["rivals"]
+    same = dict.fromkeys(name(r["name"]) for r in rivals if r["indistinguishable"])
+    gone = dict.fromkeys(name(r["name"]) for r in rivals if r.get("withdrawn"))
+    if not same:
+        return ""
+    if gone and not verdict["mechanisms"]:
+        return f"the data that were learnt from could not tell {' and '.join(gone)} from {', '.join(same)}"
+    return f"these data cannot tell {'it' if verdict['mechanisms'] else 'what comes closest'} from {', '.join(same)}"
 
 
 def forms_in_words(alike: Sequence[tuple[str, str, bool]]) -> str:

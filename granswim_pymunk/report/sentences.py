@@ -7,7 +7,7 @@ from typing import Any
 
 from ..inference.criteria import DEFAULT
 from ..inference.judge import HELD_OUT_OFF
-from ..inference.mechanisms import APPARATUS, CLAIMED, NOTHING, forms_in_words
+from ..inference.mechanisms import APPARATUS, CLAIMED, NOTHING, forms_in_words, not_told_apart
 from ..inference.pushes import degrees_of_tilt
 from ..inference.result import PAIRS, TOLD, Diagnosis, not_tried
 from .words import bodies, counted, escaped, length, listed, number, spoken, times, unit_text
@@ -358,9 +358,8 @@ def _else(d: Diagnosis) -> str:
 
 
 def _other_laws(d: Diagnosis) -> str:
-    alike = list(dict.fromkeys(spoken(r["name"]) for r in d.verdict["rivals"] if r["indistinguishable"]))
-    if alike:
-        return f"These data cannot tell it apart from {listed(alike)}."
+    if alike := not_told_apart(d.verdict, spoken):
+        return f"{alike[0].upper()}{alike[1:]}."
     # what came closest, of which the headline tells, is the first
     rivals = [r for r in d.verdict["rivals"] if not r.get("withdrawn")]
     if rivals and d.verdict["mechanisms"]:

@@ -138,8 +138,15 @@ def _without_unmeasured(
 
 
 def _by_its_name(found: Found, options: Options, notes: list[str]) -> Found:
-    """The only body by the name that the user gave it: to the file it is "mass A", "Angle of arm", or a film's name."""
+    """The only body by the name that the user gave it: to the file it is "mass A", "Angle of arm", or a film's name.
+
+    Several by the headings of their coordinates: body 1, whose heading is x1, may be called that.
+    """
     names, named = set(found.body or ()), [text.partition(":")[0].strip() for text in options.bodies]
+    called = {n[1:]: n for n in named if n not in names and n[:1] in tuple("xyXY") and n[1:] in {*names} - {*named}}
+    if called:
+        notes.extend(f"{name!r} is taken for {heading}" for name, heading in called.items())
+        return replace(found, body=[called.get(name, name) for name in found.body or ()])
     if len(names) != 1 or len(named) != 1 or named[0] in ("*", *names):
         return found
     (name,), file = names, _template_file(options)
@@ -237,11 +244,12 @@ def _times(found: Found, options: Options, source: Path, notes: list[str]) -> np
 
 
 def _out_of_order(found: Found, t: np.ndarray) -> list[str]:
-    """A line for a body whose rows one stamp alone takes out of the order of time: a slip of the pen, most likely."""
+    """A line for a body whose rows are not in the order of time: one stamp alone is a slip, many are another column."""
     names, of = np.unique(np.array(found.body or ()), return_inverse=True)
     by_body = np.argsort(of, kind="stable")
     back = (np.diff(of[by_body]) == 0) & (np.diff(t[by_body]) < 0)
-    once = np.flatnonzero(np.bincount(of[by_body][1:][back], minlength=len(names)) == 1)
+    how_often = np.bincount(of[by_body][1:][back], minlength=len(names))
+    once, often = np.flatnonzero(how_often == 1), np.flatnonzero(how_often > 1) if found.counts == "time" else []
     ends, said = np.searchsorted(of[by_body], np.arange(len(names) + 1)), list[str]()
     for body in once[:3].tolist():
         rows = by_body[ends[body] : ends[body + 1]]
@@ -255,6 +263,11 @@ def _out_of_order(found: Found, t: np.ndarray) -> list[str]:
                 f"{row}body {names[body]}: its time, {t[rows[off]]:.6g} s, is not in the order of the rows beside it "
                 f"({' and '.join(beside)}): is it a slip? Rows are put in the order of time"
             )
+    for body in often[:3]:
+        said.append(
+            f"body {names[body]}: time goes back in {how_often[body]} of its {ends[body + 1] - ends[body]} rows: is "
+            "another column the time (--columns t=NAME)? Rows are put in the order of time"
+        )
     return said
 
 
