@@ -401,13 +401,15 @@ def test_what_is_left_is_told_as_the_verdict_has_it(cases):
 def test_summary_admits_what_held_out_data_say_against_it(cases):
     d = cases["missing_physics"]
 
-    def leaving(factor: float) -> Diagnosis:
+    def leaving(factor: float, held_out: str = "fails") -> Diagnosis:
         fit = d.verdict["fit"]
         held = {**fit["heldout"], "revised": factor * fit["heldout"]["naive"]}
-        return replace(d, verdict={**d.verdict, "fit": {**fit, "heldout": held}})
+        return replace(d, verdict={**d.verdict, "heldout": held_out, "fit": {**fit, "heldout": held}})
 
     assert "do not bear it out" in told(leaving(2.0))
     assert "do not confirm it" in told(leaving(0.98))
+    # the pooled error is not what the test of held-out data is about
+    assert "do not confirm it" not in told(leaving(0.98, "holds")) and "bear it out" in told(leaving(0.98, "holds"))
 
 
 def test_rivals_that_cannot_be_told_apart_are_named_and_marked(cases):

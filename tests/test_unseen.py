@@ -807,6 +807,22 @@ def test_a_law_that_is_fitted_away_from_its_signature_is_run_before_it_is_left_b
     assert ran == {0.25: True, 8.0: False}
 
 
+def test_a_number_that_ends_at_its_bound_explains_nothing(world):
+    """Of a curve that friction had slowed down to nothing "the stiffness needs another value" was said, at its bound.
+
+    Its slope, followed that far, took up all of it, and no candidate gained anything beside it.
+    """
+    x = world["linear_drag"]
+    laws = {"stiffness": [3.0 * STIFFNESS], x.label: [2.0 * float(x.design[0, 0])]}
+    conditions = conditions_of(filmed(laws, 5, 1), [], 0)
+    s = begin(conditions, World(), Sizes(), np.random.default_rng(0), lambda text, share: None)
+    assert len(s.adjust) == 1
+    recalibrate(s)
+    assert s.adjust == () and s.base is s.naive and len(s.theta) == 0
+    (note,) = s.notes
+    assert "runs into the bound" in note and "stays as it is believed" in note
+
+
 def test_places_are_held_against_nulls_that_were_recalibrated_as_the_recording_was(world):
     """A turn of all joints that the stiffness imitates is no place: neither of the recording nor of its nulls."""
     conditions = conditions_of(filmed({"stiffness": [1.1 * STIFFNESS]}, 5, 1), [], 0)

@@ -245,6 +245,12 @@ def _better(d: Diagnosis) -> str:
         if final < 0.9 * naive or undecided:  # that nothing is decided is said at the end
             changes = "falls" if final <= naive else "grows"
             text = f"{way} the {part} error {changes} from {length(naive, unit)} to {shown}."
+        elif part == "held-out" and v["heldout"] == "holds" and final < 1.1 * naive:
+            # the pooled error is that of all bodies alike; the test weighs each number by its own noise
+            text = (
+                f"{way} the held-out error hardly changes: {length(naive, unit)} before, {shown} after. Weighed by "
+                "what noise there is in each number, held-out data are predicted better with it, and bear it out."
+            )
         elif final <= naive:
             text = (
                 f"{way} the {part} error hardly changes: {length(naive, unit)} before, {shown} after. The training "

@@ -50,7 +50,8 @@ def begin(
 def recalibrate(s: Search) -> None:
     """Gauss-Newton on simulated differences; the adjustables' slopes are taken once, the anchor follows.
 
-    Where a number ends at its bound the anchor stays at the believed scene.
+    A number that ends at its bound explains nothing (contract 2): it stays as it is believed, and the others are fitted
+    without it. Its slope, followed that far, would take up whatever is missing.
     """
     if not s.adjust:
         return
@@ -107,7 +108,12 @@ def recalibrate(s: Search) -> None:
         s.base = fit(replace(model, centre=theta, anchor=anchor), s.means, s.training)
     ended = ended_at_bound(zip(free, map(float, s.base.u), strict=True))
     if ended is not None:
-        # something else is missing, and at a bound the scene is far from the one in which candidates are tried
-        s.notes.append(f"recalibration alone runs into the bound {ended[0]} = {ended[1]:.3g}")
-        s.base = fit(model, s.means, s.training)
+        s.notes.append(
+            f"recalibration alone runs into the bound {ended[0]} = {ended[1]:.3g}: something else is missing, and that "
+            "number stays as it is believed"
+        )
+        kept = [k for k, f in enumerate(free) if f.name != ended[0]]
+        s.adjust, s.theta, s.base = tuple(s.adjust[k] for k in kept), first[kept], s.naive
+        recalibrate(s)
+        return
     s.theta = s.base.model.centre.copy()
