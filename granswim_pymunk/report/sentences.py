@@ -90,6 +90,11 @@ def headline(d: Diagnosis) -> str:
             text = f"Something is missing from the scene, and what it is is open: the time was up before {names} "
             text += f"{'was' if len(untried) == 1 and untried[0] != PAIRS else 'were'} tried"
         near = next((r for r in v["rivals"] if r.get("share") is not None), None)
+        if near is not None and near["share"] > NEARLY and not v["mechanisms"] and not not_tried(v):
+            return (
+                "Something is missing from the scene, and no law is sure enough to be named; what comes closest, "
+                f"{spoken(near['name'])}, would explain {percent(near['share'])} of it."
+            )
         if near is not None:
             text += f"; what comes closest, {spoken(near['name'])}, explains {percent(near['share'])} of it"
             text += ", and a force without a name leaves far less" if v["mechanisms"] and near["share"] > NEARLY else ""
