@@ -7,6 +7,7 @@ import re
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.signal import lfilter
 
 from granswim_pymunk.inference.entry import diagnose
 from granswim_pymunk.recording import Recording
@@ -16,10 +17,11 @@ RATE, NOISE, MASS, GRAVITY = 60.0, 1e-3, 0.0027, (0.0, -9.81)  # Hz, m, kg, m/s^
 BALL = Body("ball", "free", 0.02, MASS)
 
 
-def thrown(pushed: int, drag: float = 0.0, seed: int = 3, push=(90.0, 110.0), wind=0.0) -> Recording:
+def thrown(pushed: int, drag: float = 0.0, seed: int = 3, push=(90.0, 110.0), wind=0.0, slow=0.0) -> Recording:
     """A ball that something pushes for so many frames, with m (push) [N], and that flies from then on.
 
-    drag [kg/m]: of the square of its speed;  wind [N]: what pushes it all along
+    drag [kg/m]: of the square of its speed;  wind [N]: what pushes it all along;  slow: noise of as many frames, as
+    large as the white part
     """
     t = np.arange(60) / RATE
     until = (pushed - 0.5) / RATE
@@ -31,7 +33,11 @@ def thrown(pushed: int, drag: float = 0.0, seed: int = 3, push=(90.0, 110.0), wi
 
     begin = [0.0, 0.0, 0.3, 0.3] if pushed else [0.0, 0.0, 3.0, 4.0]
     xy = solve_ivp(rate, (0, t[-1]), begin, t_eval=t, max_step=0.2 / RATE, rtol=1e-9, atol=1e-12).y[:2].T
-    xy = xy + NOISE * np.random.default_rng(seed).normal(size=xy.shape)
+    rng = np.random.default_rng(seed)
+    xy = xy + NOISE * rng.normal(size=xy.shape)
+    if slow:
+        kept = np.exp(-1 / slow)
+        xy += lfilter([np.sqrt(1 - kept**2)], [1.0, -kept], NOISE * rng.normal(size=(200, 2)), axis=0)[-len(xy) :]
     return Recording("thrown", Scene((BALL,), (), gravity=GRAVITY), t, ("ball",), xy[:, None, :], sampling=RATE,
                      position_noise=NOISE)  # fmt: skip
 
@@ -62,7 +68,10 @@ def test_the_drag_after_a_launcher_is_found():
     assert entry["name"] == "quadratic_drag" and c["low"] < 5e-4 < c["high"]
 
 
-@pytest.mark.parametrize("film", [{"drag": 5e-4}, {"drag": 5e-4, "wind": 0.004}, {"drag": 3e-5}, {}])
+@pytest.mark.parametrize(
+    "film",
+    [{"drag": 5e-4}, {"drag": 5e-4, "wind": 0.004}, {"drag": 3e-5}, {}, {"slow": 8.0}, {"drag": 1e-4, "slow": 8.0}],
+)
 def test_what_acts_all_along_is_left_in(film):
     """One law, two, a weak one and none: first frames are fitted no better without than the others."""
     assert left_out(diagnose([thrown(0, **film)]).verdict) == []

@@ -26,12 +26,15 @@ class _Left:
 
     cost : chi2 that is left, and twice as many as there are numbers: of the frames left out, and of a law;
     noise : whether it passes for noise;  laws : how many there are
+    gone : numbers in the frames left out;  chi2 : that is left
     """
 
     first: int
     cost: float
     noise: bool
     laws: int
+    gone: int
+    chi2: float
 
     @classmethod
     def of(cls, study: Study, case: Case, first: int, fits: Sequence[Fit]) -> list[_Left]:
@@ -43,7 +46,7 @@ class _Left:
         for begin in fits:
             fit = fitter.fit(begin.hypothesis, begin.values, stages=study.stages)
             numbers, laws = (len(getattr(fit.hypothesis, k)) - len(getattr(scene, k)) for k in ("free", "terms"))
-            told.append(cls(first, fit.chi2 + 2 * (gone + numbers), fit.excess == 0, laws))
+            told.append(cls(first, fit.chi2 + 2 * (gone + numbers), fit.excess == 0, laws, gone, fit.chi2))
         return told
 
 
@@ -90,15 +93,22 @@ def _first_free(study: Study, tried: FittedAlone, case: Case) -> int:
         return 0
     if left[0][0].noise:
         return 0  # nothing asks for it
-    before = [2 * used + float(np.nansum(tried.best.white[case.name] ** 2))] if case.name in tried.best.white else []
-    now = min([*before, *(w.cost for w in left[0])])
-    found = [w for those in left[1:] for w in those if w.noise]
+    best = [2 * used + float(np.nansum(tried.best.white[case.name] ** 2))] if case.name in tried.best.white else []
+    now = min([*best, *(w.cost for w in left[0])])
+    # what a hand does is far from any noise, slow noise too
+    far = criteria.away**2
+    found = [
+        w for those in left[1:] for w, before in zip(those, left[0], strict=True)
+        if w.noise and before.chi2 - w.chi2 > far * w.gone
+    ]  # fmt: skip
+    if not found:
+        return 0
     least = min(w.cost for w in found)
     alike = [w for w in found if w.cost <= least + current().verdict.same]
-    best = min(alike, key=lambda w: (w.laws, w.first))  # the scene as it is before one with a law
+    begun = min(alike, key=lambda w: (w.laws, w.first))  # the scene as it is before one with a law
     # what acts all along leaves less the more is left out
-    asks = best.first < counts[-1] and best.cost < now - (price(len(counts), 1) if best.laws else 0)
-    return best.first if asks else 0
+    asks = begun.first < counts[-1] and begun.cost < now - (price(len(counts), 1) if begun.laws else 0)
+    return begun.first if asks else 0
 
 
 def _is_noise(fit: Fit) -> bool:
