@@ -116,13 +116,19 @@ def _is_noise(fit: Fit) -> bool:
 
 
 def _without(study: Study, plain: Fit, case: Case, first: int) -> tuple[Fit, list[Fit]]:
-    """The scene fitted to all frames but the first ones, and with each of the laws that explain most to first order."""
+    """The scene fitted to all frames but the first ones, and with each of the laws that explain most to first order.
+
+    With none where that leaves far more than noise: it is not worth their fits.
+    """
     later = _from(case, first)
     fitter = Fitter([later], study.predictor, stop=study.stop)
-    fit = fitter.fit_widely(plain.hypothesis, None, stages=study.stages)
+    fit = fitter.fit(plain.hypothesis, plain.values, {case.name: fitter.begun(plain, later)}, stages=study.stages)
     bank = make_bank(fitter, fit, named_terms([later])).signatures
-    ahead = sorted(((2 * len(s.directions.T) - s.gain, k) for k, s in enumerate(bank)))
+    ahead = sorted((2 * len(s.directions.T) - s.gain, k) for k, s in enumerate(bank))
     shown = [bank[k] for behind, k in ahead if behind < 0]
+    far = current().signatures.far ** 2 * fit.count
+    if fit.chi2 - max((s.gain for s in shown), default=0.0) > far:
+        return fit, []
     return fit, [refit(fitter, fit, s, study.stages) for s in leaders(shown, current().sets.seconds)]
 
 

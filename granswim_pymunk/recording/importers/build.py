@@ -249,7 +249,7 @@ def _out_of_order(found: Found, t: np.ndarray) -> list[str]:
     by_body = np.argsort(of, kind="stable")
     back = (np.diff(of[by_body]) == 0) & (np.diff(t[by_body]) < 0)
     how_often = np.bincount(of[by_body][1:][back], minlength=len(names))
-    once, often = np.flatnonzero(how_often == 1), np.flatnonzero(how_often > 1) if found.counts == "time" else []
+    once, often = np.flatnonzero(how_often == 1), np.flatnonzero((how_often > 1) & (found.counts == "time"))
     ends, said = np.searchsorted(of[by_body], np.arange(len(names) + 1)), list[str]()
     for body in once[:3].tolist():
         rows = by_body[ends[body] : ends[body + 1]]
