@@ -8,7 +8,7 @@ from .base import AUTOMATIC, Parameter, law
 @law(
     kind="pair",
     expression="F_t = -mu F_n v_t/sqrt(v_t^2 + v_0^2), F_n >= 0 that of the scene's contact laws, v_t with "
-    "the spins; beside contact_elastic Chipmunk's own: the impulse across is at most mu times that along",
+    "the spins; of rigid disks Chipmunk's own: the impulse across is at most mu times that along",
     reference="Haff & Werner 1986, Powder Technol. 48, 239; doi:10.1016/0032-5910(86)80048-1",
     parameters=[
         Parameter("mu", "1", "friction coefficient", low=0.0, typical=0.1, in_bed=0.05),
