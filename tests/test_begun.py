@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -75,3 +76,11 @@ def test_the_drag_after_a_launcher_is_found():
 def test_what_acts_all_along_is_left_in(film):
     """One law, two, a weak one and none: first frames are fitted no better without than the others."""
     assert left_out(diagnose([thrown(0, **film)]).verdict) == []
+
+
+def test_a_held_out_throw_is_followed_from_where_the_hand_lets_go():
+    """Its start was fitted to frames in the hand, and held-out data turned the right law down."""
+    found = diagnose([thrown(4, drag=5e-4)], hold_out=[replace(thrown(5, drag=5e-4, seed=9), name="again")]).verdict
+    assert [note.split(":")[0] for note in left_out(found)] == ["thrown", "again"]
+    assert [m["name"] for m in found["mechanisms"]] == ["quadratic_drag"] and found["heldout"] == "holds"
+    assert found["complete"] and found["fit"]["heldout"]["revised"] < 0.02 * found["fit"]["heldout"]["naive"]

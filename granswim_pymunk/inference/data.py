@@ -293,7 +293,7 @@ def prepare(recording: Recording, *, held_out: bool, split: bool, clean: bool = 
         notes.append(f"{recording.name}: {left_out(lost, 'off by more than noise')}")
     scale = np.nanmax(np.abs(values - np.nanmean(values, axis=0)), axis=0)
     sigma_array = np.maximum(np.array(sigmas), 1e-9 * scale)
-    training, start, scored = _divided(t, values, first, held_out, split)
+    training, start, scored = frames_of(t, values, first, held_out, split)
     return Case(
         recording, t, tuple(channels), values, sigma_array, known, training, start, scored, held_out, tuple(notes),
         late=tau * slopes(t, values) / sigma_array if tau else None, apart=apart,
@@ -414,7 +414,7 @@ def _unused_angles(recording: Recording, used: Collection[str]) -> list[str]:
     return [f"{recording.name}: angles of {whose} are not used: of disks that turn freely they tell of no force here"]
 
 
-def _divided(
+def frames_of(
     t: np.ndarray, values: np.ndarray, first: int, held_out: bool, split: bool
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:  # fmt: skip
     """Masks (T,) of training, start and scored frames, from the row ``first`` on; see ``prepare`` and ``Case``."""

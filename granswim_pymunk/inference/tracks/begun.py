@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -9,13 +10,14 @@ import numpy as np
 
 from ..candidates import named_terms
 from ..criteria import current
-from ..data import Case
-from ..hypothesis import Failed
+from ..data import Case, frames_of
+from ..hypothesis import Failed, Predictor
 from ..significance import price
 from .fit import Fitter
 from .fitted import Fit
 from .name import refit
 from .pairs import leaders
+from .segments import find_cuts
 from .signatures import make_bank
 from .study import FittedAlone, Study, with_cases
 
@@ -61,15 +63,11 @@ def without_first_frames(study: Study, tried: FittedAlone) -> Study | None:
         return None
     cases, notes = list(study.cases), list[str]()
     for at, case in enumerate(cases):
-        first = 0 if case.held_out or case.recording.scene.inputs else _first_free(study, tried, case)
+        asked = not (case.held_out or case.recording.scene.inputs)
+        first = (_first_free(study, tried, case) or _out_already(case)) if asked else 0
         if first:
             cases[at] = _from(case, first)
-            learnt = np.flatnonzero(case.training)
-            begins = float(case.t[learnt[first]])
-            notes.append(
-                f"{case.name}: the first {first} frames are left out, up to t = {begins:.4g} s: bodies move there as "
-                "nothing in the scene moves them, as in a hand or a launcher"
-            )
+            notes.append(_said(case, first, float(case.t[np.flatnonzero(case.training)[first]])))
     if not notes:
         return None
     study.notes += notes
@@ -95,11 +93,12 @@ def _first_free(study: Study, tried: FittedAlone, case: Case) -> int:
         return 0  # nothing asks for it
     best = [2 * used + float(np.nansum(tried.best.white[case.name] ** 2))] if case.name in tried.best.white else []
     now = min([*best, *(w.cost for w in left[0])])
-    # what a hand does is far from any noise, slow noise too
-    far = criteria.away**2
+    # what a hand does is far from any noise, slow noise too; once it is seen to be there, AIC says up to when
+    out = _out_already(case) > 0
+    far = -math.inf if out else criteria.away**2
     found = [
         w for those in left[1:] for w, before in zip(those, left[0], strict=True)
-        if w.noise and before.chi2 - w.chi2 > far * w.gone
+        if w.noise and before.chi2 - w.chi2 > far * max(w.gone, 1)
     ]  # fmt: skip
     if not found:
         return 0
@@ -107,8 +106,16 @@ def _first_free(study: Study, tried: FittedAlone, case: Case) -> int:
     alike = [w for w in found if w.cost <= least + current().verdict.same]
     begun = min(alike, key=lambda w: (w.laws, w.first))  # the scene as it is before one with a law
     # what acts all along leaves less the more is left out
-    asks = begun.first < counts[-1] and begun.cost < now - (price(len(counts), 1) if begun.laws else 0)
+    asks = begun.first < counts[-1] and begun.cost < now - (price(len(counts), 1) if begun.laws and not out else 0)
     return begun.first if asks else 0
+
+
+def _out_already(case: Case) -> int:
+    """How many of the first frames are left out as single sightings; 0 for one, which chance may have made."""
+    rows = np.flatnonzero(case.training)
+    out = ~np.isfinite(case.values[rows]).any(axis=1) & np.isfinite(case.recording.xy[rows]).any(axis=(1, 2))
+    first = int(np.argmin(out))
+    return first if first > 1 else 0
 
 
 def _is_noise(fit: Fit) -> bool:
@@ -118,7 +125,7 @@ def _is_noise(fit: Fit) -> bool:
 def _without(study: Study, plain: Fit, case: Case, first: int) -> tuple[Fit, list[Fit]]:
     """The scene fitted to all frames but the first ones, and with each of the laws that explain most to first order.
 
-    With none where that leaves far more than noise: it is not worth their fits.
+    With none where a long film leaves far more than noise so: it is not worth their fits.
     """
     later = _from(case, first)
     fitter = Fitter([later], study.predictor, stop=study.stop)
@@ -127,9 +134,62 @@ def _without(study: Study, plain: Fit, case: Case, first: int) -> tuple[Fit, lis
     ahead = sorted((2 * len(s.directions.T) - s.gain, k) for k, s in enumerate(bank))
     shown = [bank[k] for behind, k in ahead if behind < 0]
     far = current().signatures.far ** 2 * fit.count
-    if fit.chi2 - max((s.gain for s in shown), default=0.0) > far:
+    if later.training.sum() > current().refits.staged and fit.chi2 - max((s.gain for s in shown), default=0.0) > far:
         return fit, []
     return fit, [refit(fitter, fit, s, study.stages) for s in leaders(shown, current().sets.seconds)]
+
+
+def held_out_later(cases: Sequence[Case], fits: Sequence[Fit], predictor: Predictor) -> tuple[list[Case], list[str]]:
+    """Held-out recordings from where nothing else moves the bodies any more, and notes; others as they are.
+
+    Asked once the verdict is fixed, where films that were learnt from begin in a hand. The numbers of ``fits``, without
+    a law and with what was found, stay; starts are fitted. What is left need not be noise, as numbers are not exact:
+    it is held against the size of what the best leaves.
+    """
+    found, notes = list[Case](), list[str]()
+    for case in cases:
+        asked = case.held_out and len(find_cuts(case)) == 0 and not case.recording.scene.inputs
+        first = _first_free_held_out(case, fits, predictor) if asked else 0
+        if first:
+            _, start, scored = frames_of(case.t, case.values, first, held_out=True, split=False)
+            case = replace(case, start=start, scored=scored)
+            notes.append(_said(case, first, float(case.t[first])))
+        found.append(case)
+    return found, notes
+
+
+def _first_free_held_out(case: Case, fits: Sequence[Fit], predictor: Predictor) -> int:
+    criteria, frames = current().release, case.start | case.scored
+    rows = np.flatnonzero(frames)
+    most = int(criteria.share * current().split.training * len(rows))
+    counts = [int(k) for k in np.unique(np.linspace(0, most, criteria.begun + 1).astype(int))]
+    if len(counts) < 3:
+        return 0
+    told: list[list[tuple[float, int, int]]] = []  # chi2 that each leaves, how many numbers, and how many are left out
+    try:
+        for k in counts:
+            later = frames.copy()
+            later[rows[:k]] = False
+            fitter = Fitter([case], predictor, {case.name: later})
+            gone = int(np.isfinite(case.values[frames & ~later]).sum())
+            left = (fitter.fit(fit.hypothesis, fit.values, None, fixed=True) for fit in fits)
+            told.append([(fit.chi2, fit.count, gone) for fit in left])
+    except Failed:
+        return 0
+    chi2, count, _ = min(entry for those in told for entry in those)
+    size = max(chi2 / max(count, 1), 1.0)
+    cost = np.array([min(chi2 / size + 2 * gone for chi2, _, gone in those) for those in told])
+    k = int(np.flatnonzero(cost <= cost.min() + current().verdict.same)[0])
+    fall = min(chi2 for chi2, _, _ in told[0]) - min(chi2 for chi2, _, _ in told[k])
+    far = fall > criteria.away**2 * size * told[k][0][2]
+    return counts[k] if 0 < k < len(counts) - 1 and far else 0
+
+
+def _said(case: Case, first: int, begins: float) -> str:
+    return (
+        f"{case.name}: the first {first} frames are left out, up to t = {begins:.4g} s: bodies move there as nothing "
+        "in the scene moves them, as in a hand or a launcher"
+    )
 
 
 def _from(case: Case, first: int) -> Case:

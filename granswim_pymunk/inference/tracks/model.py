@@ -49,7 +49,7 @@ from ..places import Place
 from ..result import Diagnosis, Progress, Used
 from ..significance import Null, after_looks, price
 from ..trial import rows_of
-from .begun import without_first_frames
+from .begun import held_out_later, without_first_frames
 from .believed import off_belief
 from .blocks import make_blocks, score
 from .choose import absurd, choose, of_the_apparatus, rivals_of, worth
@@ -220,6 +220,7 @@ class Tracks(ObservationModel):
         self._asked_lost = False
         self.floor: tuple[float | None, float | None] = (None, None)
         self._completeness: dict[int, tuple[Fit, Completeness]] = {}
+        self.begun_in_hands = False  # first frames were left out of what is learnt from, see ``without_first_frames``
         self._of_the_unseen: list[str] = []  # notes on a law of what nobody sees, and what stands beside it
         self.beside_more: Fit | None = None  # what is claimed, with the intervals that it has beside one more law
 
@@ -237,7 +238,7 @@ class Tracks(ObservationModel):
         tried = tried_alone(self.study, self.naive_fit, self.recalibrated_fit)
         later = without_first_frames(self.study, tried)
         if later is not None:
-            self.study = later
+            self.study, self.begun_in_hands = later, True
             self.recalibrate()
             tried = tried_alone(self.study, self.naive_fit, self.recalibrated_fit)
         self.study, self.tried = with_memory(*without_outliers(self.study, tried))
@@ -691,8 +692,14 @@ class Tracks(ObservationModel):
         return paired_verdict(before.detail, after.detail, self.study.rng) == "holds"
 
     def hold_out(self, judged: Judgement) -> HeldOut:
-        study, revised = self.study, judged.claim.fit
-        study.progress("held-out data", 0.8)
+        revised = judged.claim.fit
+        self.study.progress("held-out data", 0.8)
+        if self.begun_in_hands:
+            given = self.study.cases, [self.tried.recalibrated, revised], self.study.predictor
+            cases, notes = held_out_later(*given)
+            self.study, self.begun_in_hands = replace(self.study, cases=cases), False
+            self.notes += notes
+        study = self.study
         fits = {"naive": self.tried.naive, "recalibrated": self.tried.recalibrated, "revised": revised}
         self.train = {name: training_errors(fit, study.training) for name, fit in fits.items()}
         cut = [c for c in study.cases if any(len(f.segments.get(c.name, ())) > 1 for f in fits.values())]
