@@ -91,15 +91,14 @@ def _first_free(study: Study, tried: FittedAlone, case: Case) -> int:
         return 0
     if left[0][0].noise:
         return 0  # nothing asks for it
-    best = [2 * used + float(np.nansum(tried.best.white[case.name] ** 2))] if case.name in tried.best.white else []
-    now = min([*best, *(w.cost for w in left[0])])
-    # what a hand does is far from any noise, slow noise too; once it is seen to be there, AIC says up to when
+    fitted = [2 * used + float(np.nansum(tried.best.white[case.name] ** 2))] if case.name in tried.best.white else []
+    now = min([*fitted, *(w.cost for w in left[0])])
+    # what a hand does is far from any noise, slow noise too, whatever law is there; once it is seen to be there, AIC
+    # says up to when
     out = _out_already(case) > 0
     far = -math.inf if out else criteria.away**2
-    found = [
-        w for those in left[1:] for w, before in zip(those, left[0], strict=True)
-        if w.noise and before.chi2 - w.chi2 > far * max(w.gone, 1)
-    ]  # fmt: skip
+    best = {laws: min(w.chi2 for w in left[0] if w.laws <= laws) for laws in {w.laws for w in left[0]}}
+    found = [w for those in left[1:] for w in those if w.noise and best[w.laws] - w.chi2 > far * max(w.gone, 1)]
     if not found:
         return 0
     least = min(w.cost for w in found)
