@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from granswim_pymunk.inference.candidates import law_terms, named_terms, unseen_
 from granswim_pymunk.inference.data import prepare
 from granswim_pymunk.inference.entry import diagnose
 from granswim_pymunk.inference.hypothesis import Hypothesis, Predictor
+from granswim_pymunk.inference.tracks import model as tracks
 from granswim_pymunk.inference.tracks.fit import Fitter
 from granswim_pymunk.inference.tracks.hidden import slowed_beside
 from granswim_pymunk.inference.tracks.model import Tracks
@@ -124,3 +126,12 @@ def test_it_is_asked_for_beside_what_slows_the_pucks_down():
     # a claim that leaves as little with fewer numbers is not asked
     done = replace(plain.fit, chi2=0.6 * plain.fit.count)
     assert slowed_beside(search, model.tried.alive, terms, done, 1) is None
+
+
+def test_a_source_that_is_a_candidate_of_itself_keeps_its_name(monkeypatch):
+    """A law of the user's own with that role is named like any other; only what nobody asked for has no name."""
+    own = replace(get_law("point_force"), candidate="named")
+    monkeypatch.setattr(tracks, "all_laws", lambda: {"point_force": own})
+    law = SimpleNamespace(mechanism="point_force", term=SimpleNamespace(law="point_force"))
+    judged = SimpleNamespace(claim=SimpleNamespace(laws=(law,)))
+    assert Tracks.as_unseen(SimpleNamespace(), judged) is None

@@ -262,8 +262,9 @@ class Tracks(ObservationModel):
 
     def as_unseen(self, judged: Judgement) -> Judgement | None:
         laws = judged.claim.laws
-        unseen = [t for t in laws if has_role(t.mechanism, "source")]
-        others = [t for t in laws if not has_role(t.mechanism, "source")]
+        # one that is a candidate of itself, as a law of the user's own, has its name
+        unseen = [t for t in laws if has_role(t.mechanism, "source") and all_laws()[t.term.law].candidate != "named"]
+        others = [t for t in laws if all(t is not u for u in unseen)]
         if not unseen:
             return None
         told = Told(judged.claim.fit, self.spread, self.study.cases)
