@@ -24,6 +24,7 @@ from .inference.mechanisms import (
     none_differs,
     not_told_apart,
     parts_of,
+    rival_names,
 )
 from .inference.result import not_tried
 
@@ -399,14 +400,6 @@ def _error_lines(fit: Mapping[str, Any]) -> list[str]:
         cells = [fit[part].get(name) for name in models]
         lines.append(f"{title:<10}" + "".join(f"{'-' if c is None else f'{c:.3g}':>14}" for c in cells))
     return lines
-
-
-def rival_names(rivals: Sequence[Mapping[str, Any]]) -> tuple[list[str], list[str]]:
-    """Names that these data cannot tell from what is named, and those that do worse, each once."""
-    same = dict.fromkeys(r["name"] for r in rivals if r["indistinguishable"])
-    told = {*same, *(r["name"] for r in rivals if r.get("withdrawn"))}
-    worse = dict.fromkeys(r["name"] for r in rivals if r["name"] not in told)
-    return list(same), list(worse)
 
 
 def _rival_lines(verdict: Mapping[str, Any]) -> list[str]:

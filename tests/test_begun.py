@@ -10,7 +10,10 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.signal import lfilter
 
+from granswim_pymunk.inference.data import prepare
 from granswim_pymunk.inference.entry import diagnose
+from granswim_pymunk.inference.hypothesis import Predictor
+from granswim_pymunk.inference.tracks import begun
 from granswim_pymunk.recording import Recording
 from granswim_pymunk.scene import Body, Scene
 
@@ -84,3 +87,15 @@ def test_a_held_out_throw_is_followed_from_where_the_hand_lets_go():
     assert [note.split(":")[0] for note in left_out(found)] == ["thrown", "again"]
     assert [m["name"] for m in found["mechanisms"]] == ["quadratic_drag"] and found["heldout"] == "holds"
     assert found["complete"] and found["fit"]["heldout"]["revised"] < 0.02 * found["fit"]["heldout"]["naive"]
+
+
+def test_held_out_frames_that_do_not_count_stay_out(monkeypatch):
+    """First frames are counted from where bodies are free, and what is not scored, as behind a jump, stays unscored."""
+    case = prepare(replace(thrown(0), name="again"), held_out=True, split=False)
+    counts = np.arange(len(case.t))
+    case = replace(case, start=case.start & (counts >= 3), scored=case.scored & (counts < 50))
+    monkeypatch.setattr(begun, "_first_free_held_out", lambda *given: 4)
+    (later,), (note,) = begun.held_out_later([case], [], Predictor({}), lambda: False)
+    both = later.start | later.scored
+    assert np.flatnonzero(both).tolist() == list(range(7, 50)) and not (later.start & later.scored).any()
+    assert "the first 4 frames are left out" in note and f"t = {case.t[7]:.4g} s" in note

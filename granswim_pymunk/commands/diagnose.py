@@ -28,8 +28,8 @@ def main(args: argparse.Namespace) -> int:
     from ..console import default_out, put_figures
     from ..errors import InputError
     from ..inference.entry import ProgressLine, diagnose
-    from ..inference.mechanisms import not_told_apart
-    from ..result import MOST_BODIES, adjusted, law_line, rival_names, standing
+    from ..inference.mechanisms import not_told_apart, rival_names
+    from ..result import MOST_BODIES, adjusted, law_line, standing
 
     if args.minutes is not None and not args.minutes > 0:
         raise InputError(f"should be above zero, got {args.minutes:g}", where="--minutes")

@@ -43,19 +43,29 @@ def plainly(mechanism: str) -> str:
     return _OTHERS.get(mechanism) or mechanism.replace("_", " ")
 
 
-def not_told_apart(verdict: Mapping[str, Any], name: Callable[[str], str] = str) -> str:
+def rival_names(rivals: Sequence[Mapping[str, Any]]) -> tuple[list[str], list[str]]:
+    """Names that these data cannot tell from what is named, and those that do worse, each once."""
+    same = dict.fromkeys(r["name"] for r in rivals if r["indistinguishable"])
+    told = {*same, *(r["name"] for r in rivals if r.get("withdrawn"))}
+    worse = dict.fromkeys(r["name"] for r in rivals if r["name"] not in told)
+    return list(same), list(worse)
+
+
+def not_told_apart(
+    verdict: Mapping[str, Any], name: Callable[[str], str] = str, listed: Callable[[list[str]], str] = ", ".join
+) -> str:
     """Which laws these data cannot tell from what is named, or was before held-out data turned it down; "" for none.
 
-    name : how a law is called
+    name : how a law is called;  listed : how several are
     """
-    rivals = verdict["rivals"]
-    same = dict.fromkeys(name(r["name"]) for r in rivals if r["indistinguishable"])
-    gone = dict.fromkeys(name(r["name"]) for r in rivals if r.get("withdrawn"))
+    same, _ = rival_names(verdict["rivals"])
+    gone = dict.fromkeys(name(r["name"]) for r in verdict["rivals"] if r.get("withdrawn"))
     if not same:
         return ""
+    others = listed(list(dict.fromkeys(map(name, same))))
     if gone and not verdict["mechanisms"]:
-        return f"the data that were learnt from could not tell {' and '.join(gone)} from {', '.join(same)}"
-    return f"these data cannot tell {'it' if verdict['mechanisms'] else 'what comes closest'} from {', '.join(same)}"
+        return f"the data that were learnt from could not tell {' and '.join(gone)} from {others}"
+    return f"these data cannot tell {'it' if verdict['mechanisms'] else 'what comes closest'} from {others}"
 
 
 def forms_in_words(alike: Sequence[tuple[str, str, bool]]) -> str:

@@ -84,21 +84,21 @@ def headline(d: Diagnosis) -> str:
     if v["verdict"] == "measurement":
         return f"The measurement is off, not the physics: {listed(_named(d, True))}."
     if v["verdict"] == "unmodelled":
-        text = "Something is missing from the scene, and no law known here describes it"
-        if untried := not_tried(v):
+        text, untried = "Something is missing from the scene, and no law known here describes it", not_tried(v)
+        if untried:
             names = listed([spoken(name) for name in untried])
             text = f"Something is missing from the scene, and what it is is open: the time was up before {names} "
             text += f"{'was' if len(untried) == 1 and untried[0] != PAIRS else 'were'} tried"
         near = next((r for r in v["rivals"] if r.get("share") is not None), None)
-        if near is not None and near["share"] > NEARLY and not v["mechanisms"] and not not_tried(v):
-            return (
-                "Something is missing from the scene, and no law is sure enough to be named; what comes closest, "
-                f"{spoken(near['name'])}, would explain {percent(near['share'])} of it."
-            )
-        if near is not None:
-            text += f"; what comes closest, {spoken(near['name'])}, explains {percent(near['share'])} of it"
-            text += ", and a force without a name leaves far less" if v["mechanisms"] and near["share"] > NEARLY else ""
-        return text + "."
+        if near is None:
+            return text + "."
+        nearly, form = near["share"] > NEARLY, bool(v["mechanisms"])
+        unsure = nearly and not form and not untried
+        if unsure:
+            text = "Something is missing from the scene, and no law is sure enough to be named"
+        explains = "would explain" if unsure else "explains"
+        text += f"; what comes closest, {spoken(near['name'])}, {explains} {percent(near['share'])} of it"
+        return text + (", and a force without a name leaves far less." if nearly and form else ".")
     later = _off_later(d)
     if v["verdict"] == "recalibrate":
         far = moved(d)
@@ -369,7 +369,7 @@ def _else(d: Diagnosis) -> str:
 
 
 def _other_laws(d: Diagnosis) -> str:
-    if alike := not_told_apart(d.verdict, spoken):
+    if alike := not_told_apart(d.verdict, spoken, listed):
         return f"{alike[0].upper()}{alike[1:]}."
     # what came closest, of which the headline tells, is the first
     rivals = [r for r in d.verdict["rivals"] if not r.get("withdrawn")]

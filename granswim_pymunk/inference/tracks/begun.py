@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -24,32 +25,54 @@ from .study import FittedAlone, Study, with_cases
 
 @dataclass(frozen=True)
 class _Left:
-    """What is left once the first ``first`` frames are left out.
+    """What a hypothesis leaves once the first ``first`` frames are left out.
 
-    cost : chi2 that is left, and twice as many as there are numbers: of the frames left out, and of a law;
-    noise : whether it passes for noise;  laws : how many there are
-    gone : numbers in the frames left out;  chi2 : that is left
+    gone : numbers in the frames left out;  numbers, laws : that it has beside the scene without a law
+    chi2 : that is left, of ``count`` numbers;  noise : whether it passes for noise
     """
 
     first: int
-    cost: float
-    noise: bool
-    laws: int
     gone: int
+    numbers: int
+    laws: int
     chi2: float
+    count: int
+    noise: bool
 
-    @classmethod
-    def of(cls, study: Study, case: Case, first: int, fits: Sequence[Fit]) -> list[_Left]:
-        """With the hypotheses of fits to fewer frames, the first of which is that of the scene without a law."""
-        later, scene = _from(case, first), fits[0].hypothesis
-        fitter = Fitter([later], study.predictor, stop=study.stop)
-        gone = int(np.isfinite(case.values[case.training & ~later.training]).sum())
+    @property
+    def cost(self) -> float:
+        """Chi2, and two for each number of the frames left out, and of a law (AIC)."""
+        return self.chi2 + 2 * (self.gone + self.numbers)
+
+
+def _counts(frames: float) -> list[int]:
+    """How many first frames are tried, none among them, of so many that are learnt from."""
+    criteria = current().release
+    counts = np.unique(np.linspace(0, int(criteria.share * frames), criteria.begun + 1).astype(int))
+    return [int(k) for k in counts] if len(counts) > 2 else []
+
+
+def _left(
+    case: Case, frames: np.ndarray, counts: Sequence[int], fits: Sequence[Fit], predictor: Predictor,
+    stop: Callable[[], bool], **how: Any,
+) -> list[list[_Left]]:  # fmt: skip
+    """For each count what fits, the first of which is without a law, leave of ``frames`` (T,) but the first ones.
+
+    how : as for ``Fitter.fit``.  Raises Failed.
+    """
+    rows, scene, found = np.flatnonzero(frames), fits[0].hypothesis, []
+    for first in counts:
+        later = frames.copy()
+        later[rows[:first]] = False
+        fitter = Fitter([case], predictor, {case.name: later}, stop)
+        gone = int(np.isfinite(case.values[frames & ~later]).sum())
         told = []
         for begin in fits:
-            fit = fitter.fit(begin.hypothesis, begin.values, stages=study.stages)
-            numbers, laws = (len(getattr(fit.hypothesis, k)) - len(getattr(scene, k)) for k in ("free", "terms"))
-            told.append(cls(first, fit.chi2 + 2 * (gone + numbers), fit.excess == 0, laws, gone, fit.chi2))
-        return told
+            fit, hypothesis = fitter.fit(begin.hypothesis, begin.values, **how), begin.hypothesis
+            numbers, laws = len(hypothesis.free) - len(scene.free), len(hypothesis.terms) - len(scene.terms)
+            told.append(_Left(first, gone, numbers, laws, fit.chi2, fit.count, not fit.excess))
+        found.append(told)
+    return found
 
 
 def without_first_frames(study: Study, tried: FittedAlone) -> Study | None:
@@ -63,9 +86,10 @@ def without_first_frames(study: Study, tried: FittedAlone) -> Study | None:
         return None
     cases, notes = list(study.cases), list[str]()
     for at, case in enumerate(cases):
-        asked = not (case.held_out or case.recording.scene.inputs)
-        first = (_first_free(study, tried, case) or _out_already(case)) if asked else 0
-        if first:
+        if case.held_out or case.recording.scene.inputs:
+            continue
+        out = _out_already(case)
+        if first := _first_free(study, tried, case, out > 0) or out:
             cases[at] = _from(case, first)
             notes.append(_said(case, first, float(case.t[np.flatnonzero(case.training)[first]])))
     if not notes:
@@ -74,19 +98,18 @@ def without_first_frames(study: Study, tried: FittedAlone) -> Study | None:
     return with_cases(study, cases)
 
 
-def _first_free(study: Study, tried: FittedAlone, case: Case) -> int:
-    """How many of the first frames of a recording are none of the motion."""
-    criteria = current().release
-    most = int(criteria.share * case.training.sum())
-    counts = [int(k) for k in np.unique(np.linspace(0, most, criteria.begun + 1).astype(int))]
-    if len(counts) < 3:
+def _first_free(study: Study, tried: FittedAlone, case: Case, out: bool) -> int:
+    """How many of the first frames of a recording are none of the motion; ``out``: some are left out already."""
+    counts = _counts(case.training.sum())
+    if not counts:
         return 0
     used = len(tried.best.values) - len(tried.recalibrated.values)
     try:
         plain, with_laws = _without(study, tried.recalibrated, case, counts[-1])
-        if not any(_is_noise(fit) for fit in (plain, *with_laws)):
+        fits = [plain, *with_laws]
+        if all(fit.excess for fit in fits):
             return 0  # something is missing all along
-        left = [_Left.of(study, case, k, [plain, *with_laws]) for k in counts]
+        left = _left(case, case.training, counts, fits, study.predictor, study.stop, stages=study.stages)
     except Failed:
         return 0
     if left[0][0].noise:
@@ -95,8 +118,7 @@ def _first_free(study: Study, tried: FittedAlone, case: Case) -> int:
     now = min([*fitted, *(w.cost for w in left[0])])
     # what a hand does is far from any noise, slow noise too, whatever law is there; once it is seen to be there, AIC
     # says up to when
-    out = _out_already(case) > 0
-    far = -math.inf if out else criteria.away**2
+    far = -math.inf if out else current().release.away**2
     best = {laws: min(w.chi2 for w in left[0] if w.laws <= laws) for laws in {w.laws for w in left[0]}}
     found = [w for those in left[1:] for w in those if w.noise and best[w.laws] - w.chi2 > far * max(w.gone, 1)]
     if not found:
@@ -117,10 +139,6 @@ def _out_already(case: Case) -> int:
     return first if first > 1 else 0
 
 
-def _is_noise(fit: Fit) -> bool:
-    return fit.excess == 0
-
-
 def _without(study: Study, plain: Fit, case: Case, first: int) -> tuple[Fit, list[Fit]]:
     """The scene fitted to all frames but the first ones, and with each of the laws that explain most to first order.
 
@@ -138,7 +156,9 @@ def _without(study: Study, plain: Fit, case: Case, first: int) -> tuple[Fit, lis
     return fit, [refit(fitter, fit, s, study.stages) for s in leaders(shown, current().sets.seconds)]
 
 
-def held_out_later(cases: Sequence[Case], fits: Sequence[Fit], predictor: Predictor) -> tuple[list[Case], list[str]]:
+def held_out_later(
+    cases: Sequence[Case], fits: Sequence[Fit], predictor: Predictor, stop: Callable[[], bool]
+) -> tuple[list[Case], list[str]]:
     """Held-out recordings from where nothing else moves the bodies any more, and notes; others as they are.
 
     Asked once the verdict is fixed, where films that were learnt from begin in a hand. The numbers of ``fits``, without
@@ -147,40 +167,34 @@ def held_out_later(cases: Sequence[Case], fits: Sequence[Fit], predictor: Predic
     """
     found, notes = list[Case](), list[str]()
     for case in cases:
-        asked = case.held_out and len(find_cuts(case)) == 0 and not case.recording.scene.inputs
-        first = _first_free_held_out(case, fits, predictor) if asked else 0
+        frames = case.start | case.scored
+        asked = case.held_out and not find_cuts(case) and not case.recording.scene.inputs
+        first = _first_free_held_out(case, frames, fits, predictor, stop) if asked else 0
         if first:
-            _, start, scored = frames_of(case.t, case.values, first, held_out=True, split=False)
-            case = replace(case, start=start, scored=scored)
-            notes.append(_said(case, first, float(case.t[first])))
+            row = int(np.flatnonzero(frames)[first])
+            _, start, scored = frames_of(case.t, case.values, row, held_out=True, split=False)
+            case = replace(case, start=start & frames, scored=scored & frames)
+            notes.append(_said(case, first, float(case.t[row])))
         found.append(case)
     return found, notes
 
 
-def _first_free_held_out(case: Case, fits: Sequence[Fit], predictor: Predictor) -> int:
-    criteria, frames = current().release, case.start | case.scored
-    rows = np.flatnonzero(frames)
-    most = int(criteria.share * current().split.training * len(rows))
-    counts = [int(k) for k in np.unique(np.linspace(0, most, criteria.begun + 1).astype(int))]
-    if len(counts) < 3:
+def _first_free_held_out(
+    case: Case, frames: np.ndarray, fits: Sequence[Fit], predictor: Predictor, stop: Callable[[], bool]
+) -> int:
+    counts = _counts(current().split.training * frames.sum())
+    if not counts:
         return 0
-    told: list[list[tuple[float, int, int]]] = []  # chi2 that each leaves, how many numbers, and how many are left out
     try:
-        for k in counts:
-            later = frames.copy()
-            later[rows[:k]] = False
-            fitter = Fitter([case], predictor, {case.name: later})
-            gone = int(np.isfinite(case.values[frames & ~later]).sum())
-            left = (fitter.fit(fit.hypothesis, fit.values, None, fixed=True) for fit in fits)
-            told.append([(fit.chi2, fit.count, gone) for fit in left])
+        left = _left(case, frames, counts, fits, predictor, stop, fixed=True)
     except Failed:
         return 0
-    chi2, count, _ = min(entry for those in told for entry in those)
-    size = max(chi2 / max(count, 1), 1.0)
-    cost = np.array([min(chi2 / size + 2 * gone for chi2, _, gone in those) for those in told])
+    least = min((w for those in left for w in those), key=lambda w: w.chi2)
+    size = max(least.chi2 / max(least.count, 1), 1.0)
+    chi2, gone = np.array([min(w.chi2 for w in those) for those in left]), np.array([those[0].gone for those in left])
+    cost = chi2 / size + 2 * gone
     k = int(np.flatnonzero(cost <= cost.min() + current().verdict.same)[0])
-    fall = min(chi2 for chi2, _, _ in told[0]) - min(chi2 for chi2, _, _ in told[k])
-    far = fall > criteria.away**2 * size * told[k][0][2]
+    far = chi2[0] - chi2[k] > current().release.away ** 2 * size * gone[k]
     return counts[k] if 0 < k < len(counts) - 1 and far else 0
 
 

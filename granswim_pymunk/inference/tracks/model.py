@@ -221,6 +221,7 @@ class Tracks(ObservationModel):
         self.floor: tuple[float | None, float | None] = (None, None)
         self._completeness: dict[int, tuple[Fit, Completeness]] = {}
         self.begun_in_hands = False  # first frames were left out of what is learnt from, see ``without_first_frames``
+        self.let_go: list[str] | None = None  # notes on held-out recordings that begin so, once they were asked
         self._of_the_unseen: list[str] = []  # notes on a law of what nobody sees, and what stands beside it
         self.beside_more: Fit | None = None  # what is claimed, with the intervals that it has beside one more law
 
@@ -695,11 +696,10 @@ class Tracks(ObservationModel):
     def hold_out(self, judged: Judgement) -> HeldOut:
         revised = judged.claim.fit
         self.study.progress("held-out data", 0.8)
-        if self.begun_in_hands:
-            given = self.study.cases, [self.tried.recalibrated, revised], self.study.predictor
-            cases, notes = held_out_later(*given)
-            self.study, self.begun_in_hands = replace(self.study, cases=cases), False
-            self.notes += notes
+        if self.begun_in_hands and self.let_go is None:
+            both = [self.tried.recalibrated, revised]
+            cases, self.let_go = held_out_later(self.study.cases, both, self.study.predictor, self.study.stop)
+            self.study = replace(self.study, cases=cases)
         study = self.study
         fits = {"naive": self.tried.naive, "recalibrated": self.tried.recalibrated, "revised": revised}
         self.train = {name: training_errors(fit, study.training) for name, fit in fits.items()}
@@ -1142,7 +1142,7 @@ class Tracks(ObservationModel):
         return self.undeclared
 
     def closing_notes(self, course: Course) -> list[str]:
-        notes = []
+        notes = list(self.let_go or ())
         failures = self.study.predictor.failures
         if len(failures) > current().left.failed * self.runs:
             notes.append(left_out(failures))

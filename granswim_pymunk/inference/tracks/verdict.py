@@ -272,7 +272,7 @@ class Told:
         told, offset = [], _offset(self.fit, trial)
         for r, free in enumerate(trial.term.free):
             _, low, high = self.fit.interval(offset + r, self.spread)
-            if free.inner and math.isfinite(free.high - free.low) and low <= free.low and high >= free.high:
+            if free.inner and math.isfinite(free.high - free.low) and _anything(free, low, high):
                 told.append(r)
         return told
 
@@ -295,7 +295,7 @@ class Told:
                 said = re.sub(rf" [+-] {re.escape(name)} [A-Z]\b", "", said)
             elif len(rows) == 1 and low is not None and high is not None:
                 free = term.free[rows[0]]
-                told[name] = (value, None, None, unit) if low <= free.low and high >= free.high else told[name]
+                told[name] = (value, None, None, unit) if _anything(free, low, high) else told[name]
         if unseen:
             said = said.replace("X, Y the place", f"{(kinds.pop()).upper()} the place")
         return told, said
@@ -330,6 +330,11 @@ class Told:
         value, low, high = self.fit.interval(offset + r, self.spread)
         direction = ", ".join(f"{part:.3g}" for part in term.along[free.name])
         return f"; only its part along [{direction}] shows, {value:.4g} ({low:.4g} to {high:.4g}) {free.unit}"
+
+
+def _anything(free: Free, low: float, high: float) -> bool:
+    """Whether an interval holds all that was sought."""
+    return low <= free.low and high >= free.high
 
 
 def at_any_shape(told: Told, laws: Sequence[Trial]) -> list[str]:
