@@ -24,7 +24,7 @@ from .inference.mechanisms import (
     none_differs,
     not_told_apart,
     parts_of,
-    rival_names,
+    worse_rivals,
 )
 from .inference.result import not_tried
 
@@ -403,9 +403,8 @@ def _error_lines(fit: Mapping[str, Any]) -> list[str]:
 
 
 def _rival_lines(verdict: Mapping[str, Any]) -> list[str]:
-    _, worse = rival_names(verdict["rivals"])
     lines = [said] if (said := not_told_apart(verdict)) else []
-    return [*lines, f"do worse: {', '.join(worse)}"] if worse else lines
+    return lines + [f"{how}: {', '.join(names)}" for how, names in worse_rivals(verdict)]
 
 
 def _place_line(place: Mapping[str, Any]) -> str:

@@ -28,7 +28,7 @@ def main(args: argparse.Namespace) -> int:
     from ..console import default_out, put_figures
     from ..errors import InputError
     from ..inference.entry import ProgressLine, diagnose
-    from ..inference.mechanisms import not_told_apart, rival_names
+    from ..inference.mechanisms import not_told_apart, worse_rivals
     from ..result import MOST_BODIES, adjusted, law_line, standing
 
     if args.minutes is not None and not args.minutes > 0:
@@ -51,11 +51,10 @@ def main(args: argparse.Namespace) -> int:
         print(f"  {told}")
     for line in standing(verdict):
         print(f"  {line}")
-    _, worse = rival_names(verdict["rivals"])
     if same := not_told_apart(verdict):
         print(f"  {same}")
-    if worse:
-        print(f"  rivals that do worse: {', '.join(worse)}")
+    for how, names in worse_rivals(verdict):
+        print(f"  rivals that {how}: {', '.join(names)}")
     unit = verdict["fit"]["unit"]
     for part, title in (("train", "training"), ("heldout", "held out")):
         errors = verdict["fit"][part]

@@ -20,7 +20,7 @@ from ..scene import LawUse, Scene, use
 from ..scene.parts import STANDARD_GRAVITY
 from .camera_terms import camera_terms
 from .criteria import current
-from .data import HOLDING, Case, driven, falls, layers_seen, with_gravity
+from .data import HOLDING, Case, driven, falls, layers_seen, sinks_evenly, with_gravity
 from .driven_terms import driven_forms, driven_terms
 from .hypothesis import Free, Term, set_numbers
 from .mechanisms import RESTITUTION
@@ -371,7 +371,12 @@ def out_of_place(law: Law, cases: Sequence[Case]) -> bool:
     numbers, it stays as its rival; with several it is another law, of an apparatus that is not this one. A stream whose
     drag is not linear has its place where bodies fly. Along a rail what blows across makes the drag anything from a
     square to a line, and nobody sees it; over a table a slow one is a drag and a slope. What flies has no substrate.
+    What sinks at an even speed is borne by a drag: whatever does not ask for speeds would be as large as its weight by
+    chance.
     """
+    asks = law.kind != "body" or (law.role != "place" and bool({"vx", "vy"} & set(law.arguments)))
+    if not asks and all(sinks_evenly(c) for c in cases if not c.held_out):
+        return True
     rubs = law.damping and "g" in law.arguments
     if rubs and all(_flies(c.recording.scene) for c in cases):
         return True

@@ -161,6 +161,35 @@ def falls(scene: Scene) -> bool:
     return any(scene.gravity) and not any(scene.laws_as(role) for role in HOLDING)
 
 
+def sinks_evenly(case: Case) -> bool:
+    """Whether all that falls in a recording sinks along gravity, at speeds that hardly change.
+
+    Of its training frames, a line or a parabola through each body: no faster at their end than ``even`` of what
+    gravity gives in that time, two standard errors added, and hardly across. What bears a body's weight at an even
+    speed is a drag, and whatever else would have to be as large as the weight by chance.
+    """
+    scene, frames, even = case.recording.scene, np.flatnonzero(case.training), current().apparatus.even
+    gravity = np.array(scene.gravity, dtype=float)
+    size, bodies = float(np.hypot(*gravity)), [b.id for b in scene.bodies if b.mobile and b.id in case.recording.ids]
+    if not falls(scene) or not bodies:
+        return False
+    down = gravity / size
+    for body in bodies:
+        xy = case.recording.xy[frames, case.recording.ids.index(body)]
+        moves = np.ptp(np.nan_to_num(xy), axis=0) > 0
+        seen = np.isfinite(xy[:, moves]).all(axis=1)
+        t, xy = case.t[frames][seen], np.where(moves, xy, 0.0)[seen]
+        if len(t) <= 2 * current().release.after:
+            return False
+        numbers, covariance = np.polyfit(t - t[0], xy @ down, 2, cov=True)
+        way = xy[-1] - xy[0]
+        across = float(np.hypot(*(way - (way @ down) * down)))
+        bent = 2 * (abs(numbers[0]) + 2 * math.sqrt(max(float(covariance[0, 0]), 0.0)))
+        if way @ down <= 0 or across > even * (way @ down) or bent > even * size:
+            return False
+    return True
+
+
 def left_out(count: int, why: str) -> str:
     """What a note says of single sightings that are no positions."""
     return f"{count} single sighting{'' if count == 1 else 's'}, {why}, {'is' if count == 1 else 'are'} left out"

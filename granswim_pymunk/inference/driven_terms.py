@@ -93,7 +93,9 @@ def as_an_answer(term: Term, values: np.ndarray) -> list[str]:
     if law is None or law.series is None or "span" not in term.fixed:
         return []
     span = float(term.fixed["span"][0])
-    numbers = {f.name.split(".")[-1]: float(v) for f, v in zip(term.free, values, strict=True)}
+    # numbers of it that the data do not tell are left out, and stand as the law has them
+    numbers = {name: law.parameter(name).default for name in law.strength}
+    numbers |= {f.name.split(".")[-1]: float(v) for f, v in zip(term.free, values, strict=True)}
     times = np.linspace(0.0, span, current().candidates.drawn)
     answer = step_answer(law, {"span": span, **numbers}, times)
     settled = answer[-1]

@@ -325,8 +325,9 @@ def accepted(
     least = c.share if forms else c.share_alone
     if named.share < least:
         explains = "together they explain" if several else "it explains"
-        asked = f", {100 * least:.0f} % are asked" if named.share > 0 else ""
-        return False, f"{explains} {100 * named.share:.0f} % of the mismatch{asked}"
+        if named.share <= 0:
+            return False, f"{explains} nothing of the mismatch"
+        return False, f"{explains} {100 * named.share:.0f} % of the mismatch, {100 * least:.0f} % are asked"
     if named.low <= 0:
         they, them = ("they predict", "them") if several else ("it predicts", "it")
         return False, f"on some parts of the data {they} no better than the scene without {them}"

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from ..laws import all_laws
+from .criteria import current
 
 # name to (how a sentence calls it, what its parameter means)
 APPARATUS = {
@@ -49,6 +51,25 @@ def rival_names(rivals: Sequence[Mapping[str, Any]]) -> tuple[list[str], list[st
     told = {*same, *(r["name"] for r in rivals if r.get("withdrawn"))}
     worse = dict.fromkeys(r["name"] for r in rivals if r["name"] not in told)
     return list(same), list(worse)
+
+
+def worse_rivals(verdict: Mapping[str, Any], name: Callable[[str], str] = str) -> list[tuple[str, list[str]]]:
+    """Names that do worse than what was named, each once: in words where, and which.
+
+    Training data decide. What they ask for less may predict held-out data better, by chance or because it is there.
+    """
+    rivals = verdict["rivals"]
+    _, worse = rival_names(rivals)
+    of = [*verdict["mechanisms"], *(r for r in rivals if r.get("withdrawn"))]
+    mine = next((e["gain_heldout"] for e in of if e["gain_heldout"] is not None), None)
+    least = math.inf if mine is None else mine + current().verdict.same
+    gains = {r["name"]: r["gain_heldout"] for r in reversed(rivals) if r["gain_heldout"] is not None}
+    better = [n for n in worse if gains.get(n, -math.inf) > least]
+    told = [
+        ("do worse", [n for n in worse if n not in better]),
+        ("do worse on the data that were learnt from, and better on held-out data", better),
+    ]
+    return [(how, list(dict.fromkeys(map(name, names)))) for how, names in told if names]
 
 
 def not_told_apart(

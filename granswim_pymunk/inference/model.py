@@ -217,6 +217,10 @@ class ObservationModel(ABC):
     def left(self, judged: Judgement) -> Left:
         """Whether the revised scene leaves noise alone, and what else it leaves of unseen training data."""
 
+    def with_found_numbers(self, judged: Judgement) -> Judgement:
+        """Once it is known what is left: without names of which a number was not found, as all that is left may be."""
+        return judged
+
     @abstractmethod
     def beside(self, judged: Judgement) -> Sequence[tuple[Any, bool]]:
         """Laws that do nearly as well as what was claimed or withdrawn; whether these data cannot tell them from it."""

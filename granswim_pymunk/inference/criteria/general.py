@@ -132,6 +132,8 @@ class ApparatusCriteria:
         Choice: half a millimetre on a metre
     steep : of gravity, what acts in the picture's plane, beyond which bodies lie on no substrate. Choice: it is a slope
         of 64 degrees
+    even : of gravity, the acceleration below which what sinks has come to an even speed; the same of the way down, of
+        the way across. Theory: after three times m/c a drag leaves e^-3 of it
     within_frame : of the time between two frames, one standard deviation of when in it a flash is. Theory: 1/sqrt(12)
     outside : factor by which a number is sought outside its bounds where nothing within follows; of one that may be
         zero so many widths of its range to both sides. Choice: twice a period is four times a stiffness
@@ -149,6 +151,7 @@ class ApparatusCriteria:
     middle: float = 0.1
     off_level: float = 5e-4
     steep: float = 0.9
+    even: float = 0.05
     within_frame: float = 0.3
     outside: float = 8.0
     usual_scale: float = 0.005

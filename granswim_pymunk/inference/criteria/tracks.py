@@ -509,6 +509,8 @@ class LeftCriteria:
     asked : times the noise floor, from which a held-out error is asked where it comes from
     told : times the noise floor, from which a held-out error is said to remain. Choice;  as_small : up to which what is
         left is said to be as small as the noise. Theory: one, in two digits
+    few_frames : of all recordings together, the most that are fitted at once to say what they ask for. Choice: of more
+        the part that is learnt from tells as much
     chance : probability, where the law is right, of a held-out error as large, below which others of its class are
         asked. Choice: as the alarm of the noise;  repeats : of the right law, from which that is told, and beyond all
         of which what is named is not all. Choice
@@ -531,6 +533,7 @@ class LeftCriteria:
     within: float = 3.84
     asked: float = 1.2
     as_small: float = 1.05
+    few_frames: int = 500
     told: float = 1.5
     chance: float = 0.005
     repeats: int = 6

@@ -199,9 +199,10 @@ def _first_free_held_out(
 
 
 def _said(case: Case, first: int, begins: float) -> str:
+    frames = f"{first} frames are" if first > 1 else "frame is"
     return (
-        f"{case.name}: the first {first} frames are left out, up to t = {begins:.4g} s: bodies move there as nothing "
-        "in the scene moves them, as in a hand or a launcher"
+        f"{case.name}: the first {frames} left out, up to t = {begins:.4g} s: bodies move there as nothing in the "
+        "scene moves them, as in a hand or a launcher"
     )
 
 

@@ -236,6 +236,12 @@ class Fitter(Follower):
             segments.hypothesis, segments.values, first, stages=how.growing, evaluations=how.one_start
         )  # fmt: skip
 
+    def of_these_segments(self, fit: Fit) -> Fit:
+        """A fit as it is where it has as many segments as are followed here; else fitted anew, from where it ended."""
+        if all(len(fit.segments[c.name]) == len(self.segments[c.name]) for c in self.cases):
+            return fit
+        return self.refitted(fit) if self.segmented else self.fit_from(fit)
+
     def continued(self, whole: Fit) -> dict[str, np.ndarray]:
         """Numbers of all segments' starts where a fit from one start to each recording passes them."""
         starts = {}

@@ -14,7 +14,7 @@ from ..criteria import current
 from ..data import Case, Kick, driven
 from ..judge import Remains
 from .follow import COUPLED
-from .frames import left_by, windows_of
+from .frames import Windows, left_by, windows_of
 from .segments import find_cuts, gaps_of, paths_of
 
 
@@ -110,7 +110,10 @@ def cut_at_kicks(case: Case) -> Case:
     later = [kick.row for kick in kicks if not len(learnt) or kick.row > learnt[-1]]
     scored = case.scored.copy()
     often = "once" if len(kicks) == 1 else f"{len(kicks)} times"
-    notes = [f"{case.name}: {often} a body goes on at a velocity of its own, as nothing that the scene has struck it"]
+    notes = [
+        f"{case.name}: {often} a body goes on at another velocity where nothing that the scene has strikes it: its "
+        "velocity is free from there on"
+    ]
     if later and scored[: min(later) - 1].sum() >= c.half:
         scored[min(later) - 1 :] = False
         notes.append(f"{case.name}: held-out frames count up to t = {case.t[min(later) - 1]:.4g} s, where one does")
@@ -120,6 +123,52 @@ def cut_at_kicks(case: Case) -> Case:
         own = [k for k, channel in enumerate(case.channels) if channel.body == kick.body]
         values[np.ix_(np.flatnonzero(np.abs(case.t - kick.t) < frame), np.array(own))] = np.nan
     return replace(case, values=values, kicks=kicks, scored=scored, notes=(*case.notes, *notes))
+
+
+def without_struck_last(case: Case) -> Case:
+    """The recording without last frames in which a body that is alone goes on at another velocity: a floor, a hand.
+
+    Too few to tell a flight from: the window of the last frames is asked for a step that leaves fewer than
+    ``KickCriteria.half`` behind it, by what ``unexplained`` asks of one. Films often go on a little after a fall.
+    """
+    led, gone, values = driven(case.recording.scene), list[str](), case.values.copy()
+    struck = [(b, i.row) for i in find_cuts(case) for b in i.bodies]  # its kicks are among these
+    for body, (xy, noise) in paths_of(case).items():
+        windows = None if body in led or noise <= 0 else windows_of(case, body, xy, noise)
+        if windows is None or not windows.whole[-1] or not _turns_slowly(case, body):
+            continue
+        rows = windows.rows[-1]
+        before = any(b == body and row >= rows[0] for b, row in struck)
+        kick = None if before else _last_kick(body, windows, xy)
+        if kick is None or not _is_alone(case, kick):
+            continue
+        own = [k for k, channel in enumerate(case.channels) if channel.body == body]
+        values[kick.row :, own] = np.nan
+        last = int(np.sum(rows >= kick.row))
+        gone.append(
+            f"{case.name}: the last {f'{last} frames' if last > 1 else 'frame'} of {body}, from t = "
+            f"{case.t[kick.row]:.4g} s on, left out: its velocity has changed by {float(np.hypot(*kick.change)):.2g} "
+            "m/s at once, and nothing that the scene has strikes it: a floor, a hand?"
+        )
+    return replace(case, values=values, notes=(*case.notes, *gone)) if gone else case
+
+
+def _last_kick(body: str, windows: Windows, xy: np.ndarray) -> Kick | None:
+    """The kick in the last window of a body that leaves fewer frames behind it than others have."""
+    c, rows, s, places = current().kicks, windows.rows[-1], windows.s[-1], windows.places[-1].T
+    left = (left_by(degree, windows.s[-1:], windows.places[-1:]) for degree in (c.smooth, c.turning))
+    smooth, turning = (float(chi2[0] / windows.variance[-1]) for chi2 in left)
+    found = min((with_step(s, places, before) for before in range(c.half + 1, len(rows))), key=lambda f: f[0])
+    # a path that is bent, or seen less well at its end, leaves more than noise: against that chi2 is held
+    off, freedom = found[0] / float(windows.variance[-1]), _freedom()
+    level = max(off / freedom, 1.0)
+    if not _is_step(min(off, freedom), smooth / level, turning / level):
+        return None
+    first = min(int(np.searchsorted(s, found[1])), len(rows) - 1)
+    if first <= c.half:
+        return None
+    at = float(windows.times[-1, 0] + found[1] * windows.span[-1])
+    return Kick(body, int(rows[first]), at, xy[rows[first]], found[2] * windows.noise / windows.span[-1])
 
 
 def chance_of_one() -> float:
@@ -199,13 +248,11 @@ def _kicks(case: Case, body: str, xy: np.ndarray, noise: float) -> list[Kick]:
         return []
     size, s, places, variance = 2 * c.half, windows.s, windows.places, windows.variance
     smooth, turning = (left_by(d, s, places) / variance for d in (c.smooth, c.turning))
-    freedom = 2 * (size - 4) - 1
     best: list[tuple[float, int, np.ndarray, float]] = []
     for w in np.flatnonzero((smooth > c.sure) & windows.whole).tolist():
         off, when, change = with_step(s[w], places[w].T, c.half)
         off /= variance[w]
-        ahead = turning[w] - off > c.turns and smooth[w] - off > c.sure
-        if ahead and smooth[w] - freedom > c.times * (off - freedom) and off < c.most * freedom:
+        if _is_step(off, smooth[w], turning[w]):
             best.append((off - smooth[w], w, change * noise / windows.span[w], when))
     kicks: list[Kick] = []
     for _, w, change, when in sorted(best, key=lambda found: found[0]):
@@ -216,13 +263,25 @@ def _kicks(case: Case, body: str, xy: np.ndarray, noise: float) -> list[Kick]:
     return kicks
 
 
+def _is_step(off: float, smooth: float, turning: float) -> bool:
+    """Whether a step of the velocity is what a window shows: chi2 of a parabola with one, of a cubic, of a quintic."""
+    c, freedom = current().kicks, _freedom()
+    ahead = turning - off > c.turns and smooth - off > c.sure
+    return ahead and smooth - freedom > c.times * (off - freedom) and off < c.most * freedom
+
+
+def _freedom() -> int:
+    """Degrees of freedom that a parabola with a step leaves in a window."""
+    return 2 * (2 * current().kicks.half - 4) - 1
+
+
 def with_step(s: np.ndarray, places: np.ndarray, half: int) -> tuple[float, float, np.ndarray]:
     """What a parabola whose velocity steps once leaves of ``places`` (n, 2) at s (n,), when it steps, and by how much.
 
     The step lies about the middle: in between two frames, or within one. A body that is fast moves many times the noise
     in a part of a frame, so that its time is sought more and more finely.
     """
-    low, high = s[half - 2], s[half + 1]
+    low, high = s[half - 2], s[min(half + 1, len(s) - 1)]
     found: list[tuple[float, float, np.ndarray]] = []
     for _ in range(current().kicks.rounds):
         grid = np.linspace(low, high, 7)

@@ -49,6 +49,7 @@ from ..places import Place
 from ..result import Diagnosis, Progress, Used
 from ..significance import Null, after_looks, price
 from ..trial import rows_of
+from .all_frames import asked_by_all_frames
 from .begun import held_out_later, without_first_frames
 from .believed import off_belief
 from .blocks import make_blocks, score
@@ -899,13 +900,24 @@ class Tracks(ObservationModel):
     def left(self, judged: Judgement) -> Left:
         (left, more), study, claim = self._left(judged), self.study, judged.claim
         self.beside_more = None
-        if claim.laws and more and not study.late(current().budget.remains):
+        if claim.laws and not claim.nameless and more and not study.late(current().budget.remains):
             # something acts beside the laws: their intervals hold what they are where that is one of these
             # not forms without a name: one by the speed holds a drag itself, whose number would then be any
             few = [t for t in self.tried.terms if len(t.free) <= current().left.numbers]
             first = len(self.tried.recalibrated.values)
             self.beside_more = with_company(self._fitter_of(claim.fit), claim.fit, first, self.spread, few)
         return left
+
+    def with_found_numbers(self, judged: Judgement) -> Judgement:
+        laws = judged.claim.laws
+        if self.beside_more is None or judged.verdict not in CLAIMED:
+            return judged
+        ended = {t.label: why for t in laws if (why := reaches_its_end(t, self.beside_more, self.spread))}
+        if not 0 < len(ended) < len(laws):
+            return judged
+        for trial in [t for t in laws if t.label in ended]:
+            laws = self._unnamed(laws, [trial], judged.claim.fit, f"beside one more law {ended[trial.label]}")
+        return replace(judged, verdict=named_verdict(laws), claim=replace(judged.claim, laws=laws))
 
     def _left(self, judged: Judgement) -> tuple[Left, bool]:
         """What is left, and whether that is more than noise in what was learnt from: held-out data move no interval."""
@@ -1179,7 +1191,17 @@ class Tracks(ObservationModel):
                 text += "; where the law is right, numbers found from as noisy frames leave "
                 text += f"{least:.2g} to {most:.2g} {self.unit}"
             notes.append(text)
-        return notes
+        return notes + self._asked_by_all_frames(course)
+
+    def _asked_by_all_frames(self, course: Course) -> list[str]:
+        """What all frames ask for, where held-out ones turn down what was learnt, or are off by more than it leaves."""
+        claim, study, tried = course.judged.claim, self.study, self.tried
+        asked = course.judged.verdict == "unmodelled" or (claim.laws and self._beyond_the_right_law())
+        scored = any(c.scored.any() for c in study.cases) and not self.lost
+        if not (asked and scored) or course.left.complete or study.late(current().budget.experiment):
+            return []
+        fitter = self._fitter_of(claim.fit)
+        return asked_by_all_frames(fitter, study.cases, claim, tried.recalibrated, tried.alive, len(tried.terms))
 
     def _as_a_spring_after_all(self) -> list[str]:
         """That a field in place leaves less than the form that is told, where frames are too few to predict some by it.

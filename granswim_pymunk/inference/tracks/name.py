@@ -121,11 +121,12 @@ class InnerSplit:
         Source: MacKay 1992, Neural Computation 4, 415; Dawid 1984, J. R. Stat. Soc. A 147, 278.
         """
         enough = current().evaluations.inner
-        first = self.fitter.refitted(whole, evaluations=enough)
+        in_one = self.fitter.segmented and all(len(s) == 1 for s in whole.segments.values())
+        first = (self.fitter.in_one() if in_one else self.fitter).refitted(whole, evaluations=enough)
         by_case, total, count = {}, 0.0, 0
         for case in self.cases:
             both = whole.white[case.name]
-            before = both[self.fitter.frames[case.name]]
+            before = both[self.fitter.frames[case.name]]  # the same frames, in one segment or in several
             n = int(np.isfinite(both[self.rest[case.name]]).sum())
             left = float(np.nansum(both**2)) + whole.step_loss(case.name)
             # of the first part: no worse than the fit to all is there

@@ -522,7 +522,7 @@ def _beside_each(
     for t in alive:
         variant = sum(t.mechanism == f.mechanism for f in firsts)
         if t.fit is not None and t.numbers < numbers and variant < sets.variants and len(firsts) < sets.firsts:
-            firsts.append(t)
+            firsts.append(replace(t, fit=search.fitter.of_these_segments(t.fit)))
     ranked = []
     for first in firsts:
         assert first.fit is not None

@@ -155,7 +155,7 @@ def that_earn_their_place(
         rise = (fit.chi2 - revised.chi2) / search.spread(revised)
         if not by_chance(rise, len(numbers)):
             break
-        dropped[owner or found[k].mechanism] = f"the interval of its {found[k].mechanism} reaches none"
+        dropped[owner or found[k].mechanism] = f"the interval of its {found[k].mechanism} holds zero"
         found, revised = search.as_in(fit, fewer), fit
     return found, revised, dropped
 

@@ -25,7 +25,7 @@ from .fit import Fitter
 from .fitted import Fit
 from .innovations import leaves_noise, memory_of, tells_noise
 from .jumps import jump_terms, scored_before_jumps
-from .kicks import cut_at_kicks
+from .kicks import cut_at_kicks, without_struck_last
 from .name import TOO_LATE, InnerSplit, Trial, is_limit, label_of, refit, spread_of, try_candidates, unstuck
 from .nulls import noise_of, search_nulls
 from .pairs import (
@@ -100,7 +100,10 @@ def study_of(
     recordings: Sequence[Recording], hold_out: Sequence[Recording], rng: np.random.Generator, progress: Progress,
     late: Callable[[float], bool],
 ) -> Study:  # fmt: skip
-    cases = [shortened(cut_at_kicks(scored_before_jumps(case))) for case in prepare_all(recordings, hold_out)]
+    cases = [
+        shortened(without_struck_last(cut_at_kicks(scored_before_jumps(case))))
+        for case in prepare_all(recordings, hold_out)
+    ]
     training = [c for c in cases if not c.held_out]
     predictor = Predictor(time_steps(cases))
     refits = current().refits

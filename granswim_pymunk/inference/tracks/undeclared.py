@@ -21,6 +21,7 @@ from ..criteria import current
 from ..data import Case
 from ..hypothesis import Failed, Free, Hypothesis, Term, adjustable_term, set_camera
 from ..mechanisms import nameless, plainly
+from ..simpler import ended_at_bound
 from .fit import Fitter
 from .fitted import Fit
 from .name import Trial, far_off
@@ -113,7 +114,7 @@ def instead_of(laws: Sequence[Trial], fit: Fit, plain: Fit, fitter: Fitter, spre
         if paid > most if replaced else left > current().verdict.share:
             continue
         value, low, high = again.interval(len(begin), max(spread, 1.0))
-        if not low <= free.first <= high and free.low < value < free.high:
+        if not low <= free.first <= high and _inside(free, value):
             fewer = len(fit.values) - len(again.values)
             room = not replaced or (fewer > 0 and (again.chi2 - fit.chi2) / spread < 2 * fewer)
             camera = any(t.special for t in usual)
@@ -155,11 +156,16 @@ def in_a_lost_scene(laws: Sequence[Trial], fit: Fit, plain: Fit, fitter: Fitter)
         left = again.excess / plain.excess
         value, least, most = again.interval(k, max(again.chi2 / again.count, 1.0))
         believed = bounds or (free.first, free.first)
-        elsewhere = (most < believed[0] or least > believed[1]) and low < value < high
+        elsewhere = (most < believed[0] or least > believed[1]) and _inside(wide.free[0], value)
         if elsewhere and left < current().verdict.share and again.chi2 < fit.chi2:
             told = free.name, free.unit, free.first, value, least, most, (), left, wide, True, bounds, True
             found.append((again.chi2, Instead(*told)))
     return [number for _, number in sorted(found, key=lambda entry: entry[0])]
+
+
+def _inside(free: Free, value: float) -> bool:
+    """Whether a number was found inside its bounds: at the end of its search it was not."""
+    return free.low < value < free.high and ended_at_bound([(free, value)]) is None
 
 
 def _widely(free: Free, scene: Scene) -> tuple[float, float]:

@@ -125,9 +125,18 @@ def _matches(key: str, header: Sequence[str]) -> list[str]:
 def find_columns(header: Sequence[str], given: Mapping[str, str]) -> dict[str, str]:
     """Which column is what: those given, then exact names, then names in other words, with a unit or in a language.
 
-    Raises InputError where a table has several runs, or several sensors, side by side.
+    Raises InputError where a table has several runs, or several sensors, side by side, and where a column that is
+    given as a place has the unit of a rate.
     """
     found = dict(given)
+    for key in ("x", "y", "angle"):
+        unit = split_unit(given.get(key, ""))[1]
+        if unit is not None and not is_unit(unit) and unit.lower() not in PIXELS and _RATE_UNIT.fullmatch(unit):
+            raise InputError(
+                f"{key}: the column {given[key]!r} is in {unit}, a rate and no place: sum it up over time first, or "
+                "say another column",
+                where="columns",
+            )
     open_to = [name for name in header if name not in given.values() and not is_rate(name)]
 
     def take(key: str, names: Sequence[str]) -> None:
