@@ -121,7 +121,8 @@ def as_the_picture(entries: Sequence[Mapping[str, Any]], cases: Sequence[Case]) 
             share = 100 * (1 - seen)
             borne = f"; so would a medium that bears {share:.0f} % of the weight" if falls and seen < 1 else ""
             if seen < 1:
-                borne += f"; so would an inertia of {1 / seen:.3g} masses, as of what rolls (a ball 1.4, a disk 1.5)"
+                rolls = ", as of what rolls (a ball 1.4, a disk 1.5)" if 1 / seen > 1 + 2 * ordinary else ""
+                borne += f"; so would an inertia of {1 / seen:.3g} masses{rolls}"
             rods = {float(scene.resolved(i)["length"]) for scene in scenes for i in scene.laws_as("pendulum")}
             if len(rods) == 1:
                 scaled = f"a pendulum {min(rods) / seen:.3g} m long in place of {min(rods):.3g} m, or "
