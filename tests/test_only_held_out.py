@@ -8,7 +8,8 @@ import pytest
 import granswim_pymunk as gs
 from granswim_pymunk.inference.judge import HELD_OUT_OFF, Claim, Judgement, Remains, as_large_by_chance
 from granswim_pymunk.inference.tracks import held_out
-from granswim_pymunk.inference.tracks.model import MASSES_OFF, MORE_TO_SEE, Tracks
+from granswim_pymunk.inference.tracks.believed import FARTHER_OFF
+from granswim_pymunk.inference.tracks.model import MORE_TO_SEE, Tracks
 from granswim_pymunk.report.sentences import headline
 
 
@@ -79,12 +80,12 @@ def test_complete_is_what_the_page_says_beside_it():
 @pytest.mark.parametrize(
     ("size", "passes", "off", "beyond", "why"),
     [
-        (1.0, False, False, False, ["noise alone is like it with p = 0.0004"]),
-        (1.0, False, False, True, ["noise alone is like it with p = 0.0004", HELD_OUT_OFF]),
-        (1.0, True, True, False, [MASSES_OFF]),
-        (1.0, True, False, False, [MORE_TO_SEE]),
-        (9.0, False, False, True, []),  # its size says so
-        (9.0, True, True, False, [MASSES_OFF]),
+        (1.0, False, "", False, ["noise alone is like it with p = 0.0004"]),
+        (1.0, False, "", True, ["noise alone is like it with p = 0.0004", HELD_OUT_OFF]),
+        (1.0, True, FARTHER_OFF, False, [FARTHER_OFF]),
+        (1.0, True, "", False, [MORE_TO_SEE]),
+        (9.0, False, "", True, []),  # its size says so
+        (9.0, True, FARTHER_OFF, False, [FARTHER_OFF]),
     ],
 )
 def test_what_is_left_is_told_with_what_decided_that_it_is_no_noise(size, passes, off, beyond, why):

@@ -105,22 +105,30 @@ def _error_term(cases: Sequence[Case], what: str, body: Body, error: float) -> T
     return Term(f"{what}_error", free.name, (free,), _Off(what, body.id), (body.id,), free.name)
 
 
+FARTHER_OFF = "masses and radii are farther off than was stated, or is usual"
+OFF_UNSTATED = "masses or radii are off of which no error was stated (mass_error, radius_error)"
+
+
 @dataclass(frozen=True)
 class OffBelief:
     """Masses and radii that the data refute: by which ``shares`` they are off, empty where they refute none.
 
     as_believed : together they are as far off as such errors are by chance
     stated : of all that are told, the experimenter said how far off they may be; of others that is what is usual
+    unstated : those of which nobody said that they may be off are, whatever the others are
     """
 
     shares: Mapping[str, float]
     as_believed: bool = True
     stated: bool = True
+    unstated: bool = False
 
     @property
-    def farther(self) -> bool:
-        """Whether some are off by more than was stated, or is usual where nothing was."""
-        return bool(self.shares) and not self.as_believed
+    def why(self) -> str:
+        """Why nothing is complete with them, as the contract frees what was stated alone; empty where that is none."""
+        if not self.shares or (self.as_believed and not self.unstated):
+            return ""
+        return FARTHER_OFF if not self.as_believed else OFF_UNSTATED
 
     def __str__(self) -> str:
         told = ", ".join(f"{name} = {100 * share:+.2g} %" for name, share in self.shares.items())
@@ -134,16 +142,20 @@ def off_belief(fitter: Fitter, fit: Fit) -> OffBelief:
 
     With all of them held to what is believed chi2 rises by more than as many numbers gain by chance (a likelihood
     ratio; what the priors take of it makes it the more careful). Those are told whose 95 %
-    intervals leave out what is believed.
+    intervals leave out what is believed. Of which nobody stated an error, those are asked alone as well.
     """
     rows = list(fit.hypothesis.believed)
     if not len(rows) or not np.any(fit.values[rows]):
         return OffBelief({})
     values = fit.values.copy()
     values[rows] = [fit.hypothesis.free[k].neutral for k in rows]
-    held = fitter.fit(fit.hypothesis, values, fit.starts, held=tuple(rows), evaluations=current().intervals.refit)
-    level = max(fit.chi2 / max(fit.count - fit.numbers, 1), 1.0)
-    if (held.chi2 - fit.chi2) / level < stats.chi2.isf(current().noise.alarm, len(rows)):
+    few, level = current().intervals.refit, max(fit.chi2 / max(fit.count - fit.numbers, 1), 1.0)
+
+    def refuted(those: Sequence[int], values: np.ndarray) -> bool:
+        held = fitter.fit(fit.hypothesis, values, fit.starts, held=tuple(those), evaluations=few)
+        return bool((held.chi2 - fit.chi2) / level >= stats.chi2.isf(current().noise.alarm, len(those)))
+
+    if not refuted(rows, values):
         return OffBelief({})
     names, errors = [fit.hypothesis.free[k].name for k in rows], np.sqrt(np.diag(fit.covariance)[rows])
     shares = fit.values[rows]
@@ -153,7 +165,11 @@ def off_belief(fitter: Fitter, fit: Fit) -> OffBelief:
     priors = np.array([fit.hypothesis.free[k].prior for k in rows])
     likely = chance_of_errors(shares, priors, fit.covariance[np.ix_(rows, rows)]) >= current().noise.alarm
     stated = {free.name for term in stated_terms(fitter.cases, ()) for free in term.free}
-    return OffBelief(off, likely, stated.issuperset(off))
+    unsaid = [k for k in rows if fit.hypothesis.free[k].name not in stated]
+    alone = fit.values.copy()
+    alone[unsaid] = values[unsaid]
+    unstated = len(unsaid) == len(rows) or (bool(unsaid) and refuted(unsaid, alone))
+    return OffBelief(off, likely, stated.issuperset(off), unstated)
 
 
 def chance_of_errors(shares: np.ndarray, priors: np.ndarray, covariance: np.ndarray) -> float:

@@ -141,7 +141,6 @@ SHOWS_LATER = (
     "held-out data are off by more than the scene as it is can leave: something is missing that what was learnt from"
     " does not show; all of a recording is learnt from where another one of the same apparatus is held out (--hold-out)"
 )
-MASSES_OFF = "masses and radii are farther off than was stated, or is usual"
 MORE_TO_SEE = "more of it lies along the signature of a law than noise would have there"
 PREDICTED_BETTER = "with no more numbers, held-out data are predicted better with"
 UNEXPLAINED = "the scene is off by more than noise, and no law that explains it stands"
@@ -929,8 +928,8 @@ class Tracks(ObservationModel):
         off = off_belief(self._fitter_of(judged.claim.fit), judged.claim.fit)
         if off.shares:
             self.notes.append(str(off))
-        more = complete and not off.farther and self._more_to_see(judged.claim.fit)
-        complete = complete and not off.farther and not more
+        more = complete and not off.why and self._more_to_see(judged.claim.fit)
+        complete = complete and not off.why and not more
         if not named and self._more_held_out() and self._beyond_the_right_law():
             # held-out data make no claim: they only say that more is there
             self.notes.append(SHOWS_LATER)
@@ -949,9 +948,9 @@ class Tracks(ObservationModel):
         if complete or judged.verdict in ("no_mismatch", "recalibrate"):
             return Left(complete, None), False
         remains = self._remains(judged.claim)
-        return Left(False, remains and self._with_why(remains, judged, off=off.farther, more=more)), True
+        return Left(False, remains and self._with_why(remains, judged, off=off.why, more=more)), True
 
-    def _with_why(self, remains: Remains, judged: Judgement, *, off: bool, more: bool) -> Remains:
+    def _with_why(self, remains: Remains, judged: Judgement, *, off: str, more: bool) -> Remains:
         """What is left, with all that says that it is no noise, where its size does not say so."""
         left, small = self._between_kicks(judged.claim.fit), current().left.as_small
         if remains.times_floor is not None and remains.times_floor >= small and not left.passes:
@@ -959,7 +958,7 @@ class Tracks(ObservationModel):
         said = {
             f"noise alone is like it with p = {left.chance:.1g}": not left.passes,
             UNEXPLAINED: left.passes and not judged.claim.laws and judged.verdict == "unmodelled",
-            MASSES_OFF: off, MORE_TO_SEE: more, HELD_OUT_OFF: bool(judged.claim.laws) and self._beyond_the_right_law(),
+            off: bool(off), MORE_TO_SEE: more, HELD_OUT_OFF: bool(judged.claim.laws) and self._beyond_the_right_law(),
         }  # fmt: skip
         return replace(remains, why=tuple(text for text, holds in said.items() if holds))
 
