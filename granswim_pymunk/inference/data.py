@@ -171,7 +171,7 @@ def sinks_evenly(case: Case) -> bool:
     scene, frames, even = case.recording.scene, np.flatnonzero(case.training), current().apparatus.even
     gravity = np.array(scene.gravity, dtype=float)
     size, bodies = float(np.hypot(*gravity)), [b.id for b in scene.bodies if b.mobile and b.id in case.recording.ids]
-    if not falls(scene) or not bodies:
+    if not falls(scene) or not bodies or not len(frames):
         return False
     down = gravity / size
     for body in bodies:
