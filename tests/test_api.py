@@ -24,11 +24,11 @@ from granswim_pymunk.errors import InputError
 from granswim_pymunk.inference.criteria import DEFAULT, current
 from granswim_pymunk.inference.entry import METHODS
 from granswim_pymunk.inference.judge import Remains
+from granswim_pymunk.inference.mechanisms import rival_names
 from granswim_pymunk.inference.places import Place
 from granswim_pymunk.inference.result import Diagnosis, empty_verdict, mechanism_entry, rival_entries
 from granswim_pymunk.report.page import SECTIONS
 from granswim_pymunk.report.style import Drawing
-from granswim_pymunk.result import rival_names
 
 T = np.linspace(0.0, 1.0, 11)
 XY = np.stack([np.stack([0.3 * T, 0 * T], -1), np.stack([0 * T, 1 + 0.2 * T], -1)], axis=1)  # (11, 2, 2)
