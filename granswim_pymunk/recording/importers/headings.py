@@ -72,10 +72,14 @@ def words(column: str) -> list[str]:
 
 def is_rate(column: str) -> bool:
     """Whether a column has a velocity, an acceleration, a force ...: by a word, or by its unit."""
+    return bool(_rate_unit(column) or RATES.intersection(words(column)))
+
+
+def _rate_unit(column: str) -> str:
+    """The unit of a column that is one of a rate, as m/s; empty where it has none, or another one."""
     unit = split_unit(column)[1]
-    if unit is not None and not is_unit(unit) and unit.lower() not in PIXELS and _RATE_UNIT.fullmatch(unit):
-        return True
-    return bool(RATES.intersection(words(column)))
+    rate = unit is not None and not is_unit(unit) and unit.lower() not in PIXELS and _RATE_UNIT.fullmatch(unit)
+    return unit or "" if rate else ""
 
 
 def is_lone(column: str) -> bool:
@@ -130,8 +134,7 @@ def find_columns(header: Sequence[str], given: Mapping[str, str]) -> dict[str, s
     """
     found = dict(given)
     for key in ("x", "y", "angle"):
-        unit = split_unit(given.get(key, ""))[1]
-        if unit is not None and not is_unit(unit) and unit.lower() not in PIXELS and _RATE_UNIT.fullmatch(unit):
+        if unit := _rate_unit(given.get(key, "")):
             raise InputError(
                 f"{key}: the column {given[key]!r} is in {unit}, a rate and no place: sum it up over time first, or "
                 "say another column",
