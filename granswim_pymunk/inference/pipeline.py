@@ -61,9 +61,11 @@ def diagnose_by(model: ObservationModel, seed: int = 0) -> Diagnosis:
     return found
 
 
-def judged_by_training(model: ObservationModel, claim: Claim) -> Judgement:
-    """What is concluded of a claim from the training part alone."""
-    return judge(claim, model.weigh(claim), model.mismatch(claim), model.plain, model.notes)
+def judged_by_training(model: ObservationModel, claim: Claim, alone: bool = False) -> Judgement:
+    """What is concluded of a claim from the training part; ``alone``: without forms that have no name beside it."""
+    weighed = model.weigh(claim)
+    weighed = replace(weighed, forms=(), possible=False) if alone else weighed
+    return judge(claim, weighed, model.mismatch(claim), model.plain, model.notes)
 
 
 def first_that_explains(model: ObservationModel, claim: Claim) -> Judgement:
@@ -299,11 +301,10 @@ def _looked_at(
 ) -> tuple[Judgement, HeldOut | None, list[str]]:
     """The judgement of a claim that is only tried, what held-out data say if it stands, and the notes on it.
 
-    alone : without forms that have no name beside it
+    alone : as for ``judged_by_training``
     """
-    told, weighed = len(model.notes), model.weigh(claim)
-    weighed = replace(weighed, forms=(), possible=False) if alone else weighed
-    judged = model.settle(judge(claim, weighed, model.mismatch(claim), model.plain, model.notes))
+    told = len(model.notes)
+    judged = model.settle(judged_by_training(model, claim, alone))
     held = model.hold_out(judged) if judged.claim.laws and not judged.claim.nameless else None
     notes, model.notes[told:] = model.notes[told:], []
     return judged, held, notes

@@ -58,7 +58,7 @@ def degrees_of_tilt(a: Sequence[float]) -> float:
 def told_as(parameters: Mapping[str, tuple[Any, Any, Any, str]]) -> str:
     """What stands behind the equation of a push: by how many degrees a table leans, or that it is gravity."""
     form = parameters["form"][0] if "form" in parameters else ""
-    a = next((value for value, *_ in parameters.values() if isinstance(value, list)), None)
     if form == GRAVITY:
         return "; along gravity, on all bodies in proportion to their masses"
+    a = next((value for value, *_ in parameters.values() if isinstance(value, list)), None)
     return f"; a table that leans by {degrees_of_tilt(a):.2g} degrees" if form == TILT and a is not None else ""

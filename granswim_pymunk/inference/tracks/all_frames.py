@@ -48,13 +48,16 @@ def asked_by_all_frames(
     if any(t.mechanism == best.mechanism for t in claim.laws) or not (earns and ahead):
         return []
     told = Told(fit, spread, cases).entries(best, None)
-    several = {t.label: f for t, f in reversed(fits[1:]) if t.mechanism != best.mechanism}
-    beside = dict(list(reversed(several.items()))[: current().verdict.instead])
+    beside = dict([(t.label, f) for t, f in fits[1:] if t.mechanism != best.mechanism][: current().verdict.instead])
     beside[claim.label if claim.laws else "the scene without a law"] = now
-    left = {name: float(np.sqrt(f.chi2 / max(f.count, 1))) for name, f in ({"": fit} | beside).items()}
-    others = ", ".join(f"{name} {times:.2g}" for name, times in left.items() if name)
+    others = ", ".join(f"{name} {_times(f):.2g}" for name, f in beside.items())
     return [
         f"all {frames} frames together, held-out ones too, ask for {plainly(best.mechanism)}: "
-        f"{'; '.join(entry['expression'] for entry in told)}. It leaves {left['']:.2g} times the noise ({others}); no "
-        "frames are left to test that on"
+        f"{'; '.join(entry['expression'] for entry in told)}. It leaves {_times(fit):.2g} times the noise ({others}); "
+        "no frames are left to test that on"
     ]
+
+
+def _times(fit: Fit) -> float:
+    """How many times the noise a fit leaves."""
+    return float(np.sqrt(fit.chi2 / max(fit.count, 1)))

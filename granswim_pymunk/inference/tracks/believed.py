@@ -115,7 +115,7 @@ class OffBelief:
 
     as_believed : together they are as far off as such errors are by chance
     stated : of all that are told, the experimenter said how far off they may be; of others that is what is usual
-    unstated : those of which nobody said that they may be off are, whatever the others are
+    unstated : as believed all the same, those of which nobody said that they may be off are, whatever the others are
     """
 
     shares: Mapping[str, float]
@@ -126,9 +126,9 @@ class OffBelief:
     @property
     def why(self) -> str:
         """Why nothing is complete with them, as the contract frees what was stated alone; empty where that is none."""
-        if not self.shares or (self.as_believed and not self.unstated):
+        if not self.shares:
             return ""
-        return FARTHER_OFF if not self.as_believed else OFF_UNSTATED
+        return FARTHER_OFF if not self.as_believed else OFF_UNSTATED if self.unstated else ""
 
     def __str__(self) -> str:
         told = ", ".join(f"{name} = {100 * share:+.2g} %" for name, share in self.shares.items())
@@ -168,7 +168,8 @@ def off_belief(fitter: Fitter, fit: Fit) -> OffBelief:
     unsaid = [k for k in rows if fit.hypothesis.free[k].name not in stated]
     alone = fit.values.copy()
     alone[unsaid] = values[unsaid]
-    unstated = len(unsaid) == len(rows) or (bool(unsaid) and refuted(unsaid, alone))
+    # asked only where nothing is farther off anyway
+    unstated = likely and bool(unsaid) and (len(unsaid) == len(rows) or refuted(unsaid, alone))
     return OffBelief(off, likely, stated.issuperset(off), unstated)
 
 

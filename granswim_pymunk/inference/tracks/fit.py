@@ -236,9 +236,13 @@ class Fitter(Follower):
             segments.hypothesis, segments.values, first, stages=how.growing, evaluations=how.one_start
         )  # fmt: skip
 
+    def is_cut_as(self, fit: Fit) -> bool:
+        """Whether a fit has as many segments of each recording as are followed here."""
+        return all(len(self.segments[name]) == len(segments) for name, segments in fit.segments.items())
+
     def of_these_segments(self, fit: Fit) -> Fit:
-        """A fit as it is where it has as many segments as are followed here; else fitted anew, from where it ended."""
-        if all(len(fit.segments[c.name]) == len(self.segments[c.name]) for c in self.cases):
+        """A fit as it is where it is cut as here; else fitted anew, from where it ended."""
+        if self.is_cut_as(fit):
             return fit
         return self.refitted(fit) if self.segmented else self.fit_from(fit)
 

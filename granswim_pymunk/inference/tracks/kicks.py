@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import combinations
 
@@ -25,19 +25,22 @@ def unexplained(case: Case) -> list[Kick]:
     far; what turns sharply, so that a polynomial of fifth degree follows as well, is none. Not of bodies that follow a
     command, nor of arms that whip about between frames.
     """
-    scene = case.recording.scene
-    led = driven(scene)
-    struck = [(b, i.row) for i in find_cuts(case) for b in i.bodies]
     found = []
-    for body, (xy, noise) in paths_of(case).items():
-        if body in led or noise <= 0 or not _turns_slowly(case, body):
-            continue
-        rows = [row for b, row in struck if b == body]
+    for body, xy, noise, rows in _asked(case):
         found += [
             kick for kick in _kicks(case, body, xy, noise)
             if all(abs(kick.row - other) > current().kicks.half for other in rows)
         ]  # fmt: skip
     return sorted(found, key=lambda kick: kick.t)
+
+
+def _asked(case: Case) -> Iterator[tuple[str, np.ndarray, float, list[int]]]:
+    """Bodies that may be kicked: their places (T, 2) and noise [m], and rows in which they are struck or kicked."""
+    led = driven(case.recording.scene)
+    struck = [(b, i.row) for i in find_cuts(case) for b in i.bodies]
+    for body, (xy, noise) in paths_of(case).items():
+        if body not in led and noise > 0 and _turns_slowly(case, body):
+            yield body, xy, noise, [row for b, row in struck if b == body]
 
 
 def _turns_slowly(case: Case, body: str) -> bool:
@@ -131,20 +134,17 @@ def without_struck_last(case: Case) -> Case:
     Too few to tell a flight from: the window of the last frames is asked for a step that leaves fewer than
     ``KickCriteria.half`` behind it, by what ``unexplained`` asks of one. Films often go on a little after a fall.
     """
-    led, gone, values = driven(case.recording.scene), list[str](), case.values.copy()
-    struck = [(b, i.row) for i in find_cuts(case) for b in i.bodies]  # its kicks are among these
-    for body, (xy, noise) in paths_of(case).items():
-        windows = None if body in led or noise <= 0 else windows_of(case, body, xy, noise)
-        if windows is None or not windows.whole[-1] or not _turns_slowly(case, body):
+    gone, values = list[str](), case.values.copy()
+    for body, xy, noise, struck in _asked(case):
+        windows = windows_of(case, body, xy, noise)
+        if windows is None or not windows.whole[-1] or max(struck, default=-1) >= windows.rows[-1, 0]:
             continue
-        rows = windows.rows[-1]
-        before = any(b == body and row >= rows[0] for b, row in struck)
-        kick = None if before else _last_kick(body, windows, xy)
+        kick = _last_kick(body, windows, xy)
         if kick is None or not _is_alone(case, kick):
             continue
         own = [k for k, channel in enumerate(case.channels) if channel.body == body]
         values[kick.row :, own] = np.nan
-        last = int(np.sum(rows >= kick.row))
+        last = int(np.sum(windows.rows[-1] >= kick.row))
         gone.append(
             f"{case.name}: the last {f'{last} frames' if last > 1 else 'frame'} of {body}, from t = "
             f"{case.t[kick.row]:.4g} s on, left out: its velocity has changed by {float(np.hypot(*kick.change)):.2g} "

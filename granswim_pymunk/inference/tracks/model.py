@@ -1024,9 +1024,7 @@ class Tracks(ObservationModel):
 
     def _fitter_of(self, fit: Fit) -> Fitter:
         """The fitter with the segments of a fit: what is claimed may be followed in one, where other fits are not."""
-        counts = {name: len(segments) for name, segments in fit.segments.items()}
-        same = all(len(self.fitter.segments[name]) == count for name, count in counts.items())
-        return self.fitter if same else self.study.fitter
+        return self.fitter if self.fitter.is_cut_as(fit) else self.study.fitter
 
     def _more_to_see(self, fit: Fit) -> bool:
         """Whether what is left, and matters, holds more along the signature of a candidate than noise would."""
