@@ -6,7 +6,6 @@ the classes below. n bodies, b blocks of bodies, u uses of laws, room: how many 
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from typing import Any
@@ -39,8 +38,8 @@ class Slots:
 
     def copy(self) -> Slots:
         """The same names with numbers of its own."""
-        other = copy.copy(self)
-        other.values = self.values.copy()
+        other = Slots.__new__(Slots)
+        other.values, other._at = self.values.copy(), self._at
         return other
 
     def at(self, name: str) -> int:

@@ -42,14 +42,19 @@ class Compiled(Backend):
 
         constrained : with the constraints;  in_step : the velocities are those of half a step before, as in a step
         """
-        b, laws, lists, numbers = self.state.bodies, self.state.laws, self.state.lists, self.state.numbers
-        c = b.columns
+        c = self.state.bodies.columns
         if state is None:
             state = self.rows_of_now()
-        for name in ("fx", "fy", "torque"):
-            state[:, c[name]] = 0.0
+        context, scalars = self._context_at(state)
+        scheme = scalars[SCALARS.index("scheme")] if in_step else HALF_STEP
+        self.kernel.forces_of_now(int(constrained), float(scheme), t, self.dt, context.values.ctypes.data)
+        return state[:, c["fx"]], state[:, c["fy"]], state[:, c["torque"]]
+
+    def _context_at(self, state: np.ndarray) -> tuple[Slots, np.ndarray]:
+        """Context for forces of a moment, not of a step, at the rows ``state``; its scalars. Lists are made for it."""
+        b, laws, lists, c = self.state.bodies, self.state.laws, self.state.lists, self.state.bodies.columns
         if lists.room:
-            reach = numbers["reach"]
+            reach = self.state.numbers["reach"]
             x, y = state[:, c["x"]].copy(), state[:, c["y"]].copy()
             self.fresh_list(x, y, reach)
             neighbours.prune(
@@ -63,14 +68,11 @@ class Compiled(Backend):
                 walls.wall_k, walls.wall_starts,
             )  # fmt: skip
         self.state.forget_lists()
-        plain = laws.scalars.copy()  # forces of this moment, not of a step
-        plain[SCALARS.index("share")] = 0.0
-        if not in_step:
-            plain[SCALARS.index("scheme")] = HALF_STEP
+        scalars = laws.scalars.copy()
+        scalars[SCALARS.index("share")] = 0.0
         context = self.context_of_now()
-        context["state"], context["scalars"] = state.ctypes.data, plain.ctypes.data
-        self.kernel.add_forces(1, int(constrained), t, self.dt, context.values.ctypes.data)
-        return state[:, c["fx"]], state[:, c["fy"]], state[:, c["torque"]]
+        context["state"], context["scalars"] = state.ctypes.data, scalars.ctypes.data
+        return context, scalars
 
     def rows_of_now(self, raw: dict[str, np.ndarray] | None = None) -> np.ndarray:
         """(n, ROW) rows as the laws see them, apart from Chipmunk's memory, at ``raw`` or where the bodies are."""
@@ -82,33 +84,16 @@ class Compiled(Backend):
 
     def first_kick(self) -> None:
         """Half a kick; of bodies that a constraint holds, a whole one from half a step before."""
-        half = 0.5 * self.dt
-        b = self.state.bodies
-        weight, turning, c = b.inverse_mass, b.inverse_moment, b.columns
-        state = self.rows_of_now()
-        start_x, start_y, start_spin = (state[:, c[name]].copy() for name in ("vx", "vy", "spin"))
-        held = self.held_rows
-        fx, fy, torque = (f.copy() for f in self.array_forces(True, self.t, state))
-        # bodies that no constraint holds: half a kick
-        vx, vy = start_x + half * (fx * weight), start_y + half * (fy * weight)
-        spin = start_spin + half * torque * turning
-        if held.any():
-            # a constraint sees the velocity half a step behind, here as in every later step: that velocity
-            # is what the force of the constraint itself leads to, found in two rounds
-            fx, fy, moment = self.array_forces(False, self.t, state)
-            for _ in range(2):
-                state[:, c["vx"]] = np.where(held, start_x - half * fx * weight, start_x)
-                state[:, c["vy"]] = np.where(held, start_y - half * fy * weight, start_y)
-                state[:, c["spin"]] = np.where(held, start_spin - half * moment * turning, start_spin)
-                fx, fy, moment = self.array_forces(True, self.t, state, in_step=True)
-            vx = np.where(held, state[:, c["vx"]] + self.dt * fx * weight, vx)
-            vy = np.where(held, state[:, c["vy"]] + self.dt * fy * weight, vy)
-            spin = np.where(held, state[:, c["spin"]] + self.dt * moment * turning, spin)
+        b, held, state = self.state.bodies, self.held_rows, self.rows_of_now()
+        context, scalars = self._context_at(state)
+        v, before = np.empty((self.order.n, 3)), np.empty((self.order.n, 3))
+        scheme = float(scalars[SCALARS.index("scheme")])
+        self.kernel.begin(self.t, self.dt, scheme, int(held.any()), held, before, v, context.values.ctypes.data)
         u, m = self.units, self.order.n_mobile
-        self.set_velocities(vx[:m] / u.velocity, vy[:m] / u.velocity)
-        for row in np.flatnonzero(spin[:m]):
-            self.world.bodies[int(row)].angular_velocity = float(spin[row] * u.time)
-        b.fx[:], b.fy[:] = fx, fy
+        self.set_velocities(v[:m, 0] / u.velocity, v[:m, 1] / u.velocity)
+        for row in np.flatnonzero(v[:m, 2]):
+            self.world.bodies[int(row)].angular_velocity = float(v[row, 2] * u.time)
+        b.fx[:], b.fy[:] = state[:, b.columns["fx"]], state[:, b.columns["fy"]]
 
     def forces(self) -> np.ndarray:
         """(n, 2) sum of all forces on each body at the last force call [N], inner order; 0 on walls."""

@@ -104,6 +104,11 @@ class Native(Compiled):
         o = self.offsets
         return np.array([o.position, o.position + 8, o.velocity, o.velocity + 8, o.angle, o.spin])
 
+    @functools.cached_property
+    def _touching(self) -> np.ndarray:
+        """(n,) 1 where Chipmunk lets a body touch others."""
+        return np.array([circle.filter.mask != 0 for circle in self.world.circles], dtype=np.uint8)
+
     def read(self) -> np.ndarray:
         """(6, n) ``FIELDS`` of all bodies as Chipmunk has them [engine units]."""
         values = np.empty((6, self.order.n))
@@ -190,14 +195,13 @@ class Native(Compiled):
     def _advance_events(self, ends: np.ndarray, rows: np.ndarray) -> np.ndarray:
         """Go on to times ``ends`` [s] in steps that end at impacts; positions of inner ``rows`` there."""
         b, u, numbers, context = self.state.bodies, self.units, self.state.numbers, self.context
-        touching = np.array([circle.filter.mask != 0 for circle in self.world.circles], dtype=np.uint8)
         out = np.full((len(ends), len(rows), 2), np.nan)
         reached, last = events.advance_to(
             step_address(), self._space, *space_offsets(), *self.world.rounds(), self.t, ends, self.dt, u.time,
             context.values, context.at("status"), numbers.values, numbers.at("t_start"), numbers.at("dt"),
             numbers.at("step"), numbers.at("lasts"), b.bodies, b.radius / u.length, b.group, self.state.links.apart,
-            touching, b.mobile, self.offsets.position, self.offsets.velocity, u.length, u.velocity, self._last_step,
-            self.state.walls.walls / u.length, context.at("constrained"), self.world.joint_limits, b.fx, b.fy,
+            self._touching, b.mobile, self.offsets.position, self.offsets.velocity, u.length, u.velocity,
+            self._last_step, self.state.walls.walls / u.length, context.at("constrained"), self.world.joint_limits, b.fx, b.fy,
             b.inverse_mass, self.plan.stretch, b.bodies[rows].copy(), out,
         )  # fmt: skip
         self._event_time, self._last_step = float(reached), float(last)

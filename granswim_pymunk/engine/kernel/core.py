@@ -241,3 +241,51 @@ def pair_forces(i, j, normal, t, context, out):
     for k in range(out.shape[0]):
         px, py, _ti, _tj = pair_force(i[k], j[k], t, context)
         out[k] = px * normal[k, 0] + py * normal[k, 1]
+
+
+@njit(**PLAIN)
+def forces_of_now(constrained, scheme, t, dt, context):
+    """All forces at the rows as they are, none before; how dampings see the velocity goes to the context."""
+    unpack(context)
+    for i in range(n):
+        state[i, FX] = 0.0
+        state[i, FY] = 0.0
+        state[i, TORQUE] = 0.0
+    scalars[6] = scheme
+    add_forces(1, constrained, t, dt, context)
+
+
+@njit(**PLAIN)
+def begin(t, dt, scheme, any_held, held, start, out, context):
+    """Velocities and spins ``out`` (n, 3) after the first kick, from those in the rows, kept in ``start`` (n, 3).
+
+    Of bodies that no constraint holds half a kick. A constraint sees the velocity half a step behind, here as in every
+    later step: of those that are ``held`` (n,) that velocity is what the force of the constraint itself leads to, found
+    in two rounds.
+    """
+    unpack(context)
+    half = 0.5 * dt
+    for i in range(n):
+        start[i, 0] = state[i, VX]
+        start[i, 1] = state[i, VY]
+        start[i, 2] = state[i, SPIN]
+    forces_of_now(1, SCHEME_HALF_STEP, t, dt, context)
+    for i in range(n):
+        out[i, 0] = start[i, 0] + half * (state[i, FX] * inverse_mass[i])
+        out[i, 1] = start[i, 1] + half * (state[i, FY] * inverse_mass[i])
+        out[i, 2] = start[i, 2] + half * state[i, TORQUE] * inverse_moment[i]
+    if any_held == 0:
+        return
+    forces_of_now(0, SCHEME_HALF_STEP, t, dt, context)
+    for _round in range(2):
+        for i in range(n):
+            share = half if held[i] else 0.0
+            state[i, VX] = start[i, 0] - share * state[i, FX] * inverse_mass[i]
+            state[i, VY] = start[i, 1] - share * state[i, FY] * inverse_mass[i]
+            state[i, SPIN] = start[i, 2] - share * state[i, TORQUE] * inverse_moment[i]
+        forces_of_now(1, scheme, t, dt, context)
+    for i in range(n):
+        if held[i]:
+            out[i, 0] = state[i, VX] + dt * state[i, FX] * inverse_mass[i]
+            out[i, 1] = state[i, VY] + dt * state[i, FY] * inverse_mass[i]
+            out[i, 2] = state[i, SPIN] + dt * state[i, TORQUE] * inverse_moment[i]
