@@ -204,6 +204,8 @@ class Follower:
 
     @staticmethod
     def _joined(case: Case, runs: Sequence[Run], frames: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        if len(runs) == 1 and np.array_equal(runs[0].part.frames, frames):
+            return runs[0].innovations.copy(), runs[0].steps
         full = np.full(case.values.shape, np.nan)
         for run in runs:
             full[run.part.frames] = run.innovations
