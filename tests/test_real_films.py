@@ -17,8 +17,9 @@ from granswim_pymunk.inference.judge import Claim
 from granswim_pymunk.inference.mechanisms import worse_rivals
 from granswim_pymunk.inference.tracks.all_frames import asked_by_all_frames
 from granswim_pymunk.inference.tracks.fit import Fitter
-from granswim_pymunk.inference.tracks.kicks import cut_at_kicks, without_struck_last
+from granswim_pymunk.inference.tracks.kicks import cut_at_kicks, unexplained, without_struck_last
 from granswim_pymunk.inference.tracks.name import InnerSplit, Trial, refit
+from granswim_pymunk.inference.tracks.segments import make_segments
 from granswim_pymunk.inference.tracks.signatures import make_bank
 from granswim_pymunk.inference.tracks.steps import time_steps
 from granswim_pymunk.recording import Recording
@@ -88,6 +89,40 @@ def test_a_floor_that_the_scene_has_strikes_it():
     floor = Wall((-1.0, float(y.min()) - 0.02), (1.0, float(y.min()) - 0.02), 0.0, "floor")
     case = prepare(film(y, 30.0, 2e-3, laws=[use("contact_elastic", restitution=0.7)], walls=[floor]))
     assert np.isfinite(without_struck_last(cut_at_kicks(case)).values).all()
+
+
+def struck(after: int, kick: bool = True, rate: float = 20.0) -> Recording:
+    """A puck at rest that a mallet sends to a wall, ``after`` frames away; it bounces off two walls from there on."""
+    t, y, v = np.arange(90) / rate, np.full(90, 0.76), 0.0
+    blow = 29.55 / rate
+    at, v = (0.76, -(0.76 - 0.03) / ((after + 0.4) / rate)) if kick else (0.76, -0.5)
+    began, losing = (blow, 0.7) if kick else (0.0, 0.9)
+    for k in np.flatnonzero(t >= began):
+        y[k] = at + v * (t[k] - began)
+        while not 0.03 <= y[k] <= 0.96:
+            wall = 0.03 if v < 0 else 0.96
+            began += (wall - at) / v
+            at, v = wall, -losing * v
+            y[k] = at + v * (t[k] - began)
+    walls = [Wall((-1.0, 0.0), (1.0, 0.0), 0.0, "low"), Wall((-1.0, 0.99), (1.0, 0.99), 0.0, "high")]
+    puck = Body("ball", "free", 0.03, 0.03)
+    made = film(y, rate, 7e-4, body=puck, laws=[use("contact_elastic", restitution=1.0)], walls=walls)
+    return replace(made, scene=replace(made.scene, gravity=(0.0, 0.0)))
+
+
+@pytest.mark.parametrize("after", [4, 5, 6])
+def test_a_blow_just_before_a_wall_is_found(after):
+    """A puck that was struck four frames before it met a wall was ``unmodelled``, without a word of the blow."""
+    case = prepare(struck(after))
+    (kick,) = unexplained(case)
+    assert kick.row == 30 and abs(kick.t - 29.55 / 20) < 0.25 / 20
+    cut = cut_at_kicks(case)
+    begins = [int(np.flatnonzero(s.frames)[0]) for s in make_segments(cut, cut.training)]
+    assert 30 in begins and 30 + after in [begin - 1 for begin in begins]  # flights before and after the wall
+
+
+def test_walls_alone_are_no_blows():
+    assert not unexplained(prepare(struck(5, kick=False)))
 
 
 def sunk(frames: int = 90, rate: float = 30.0, c: float = 0.05, mass: float = 2.5e-4) -> Recording:

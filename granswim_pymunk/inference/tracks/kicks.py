@@ -27,11 +27,30 @@ def unexplained(case: Case) -> list[Kick]:
     """
     found = []
     for body, xy, noise, rows in _asked(case):
-        found += [
-            kick for kick in _kicks(case, body, xy, noise)
-            if all(abs(kick.row - other) > current().kicks.half for other in rows)
-        ]  # fmt: skip
+        windows = windows_of(case, body, xy, noise)
+        if windows is not None:
+            far = [k for k in _kicks(case, body, xy, windows) if _far_from(k.row, rows)]
+            near = _before_impacts(body, windows, xy, rows)
+            found += [*far, *(k for k in near if _far_from(k.row, [other.row for other in far]))]
     return sorted(found, key=lambda kick: kick.t)
+
+
+def _far_from(row: int, others: Sequence[int]) -> bool:
+    return all(abs(row - other) > current().kicks.half for other in others)
+
+
+def _before_impacts(body: str, windows: Windows, xy: np.ndarray, struck: Sequence[int]) -> list[Kick]:
+    """Kicks in the last frames before a body is ``struck``: a ball that a cue sends to a cushion."""
+    found = []
+    for row in struck:
+        before = np.flatnonzero(windows.rows[:, -1] < row)
+        w = int(before[-1]) if len(before) else -1
+        if w < 0 or not windows.whole[w] or any(windows.rows[w, 0] <= other < row for other in struck):
+            continue
+        kick = _late_kick(body, windows, w, xy, (current().kicks.few, current().kicks.half))
+        if kick is not None and not _far_from(kick.row, [row]):
+            found.append(kick)
+    return found
 
 
 def _asked(case: Case) -> Iterator[tuple[str, np.ndarray, float, list[int]]]:
@@ -139,7 +158,7 @@ def without_struck_last(case: Case) -> Case:
         windows = windows_of(case, body, xy, noise)
         if windows is None or not windows.whole[-1] or max(struck, default=-1) >= windows.rows[-1, 0]:
             continue
-        kick = _last_kick(body, windows, xy)
+        kick = _late_kick(body, windows, -1, xy, (1, current().kicks.half - 1))
         if kick is None or not _is_alone(case, kick):
             continue
         own = [k for k, channel in enumerate(case.channels) if channel.body == body]
@@ -153,22 +172,23 @@ def without_struck_last(case: Case) -> Case:
     return replace(case, values=values, notes=(*case.notes, *gone)) if gone else case
 
 
-def _last_kick(body: str, windows: Windows, xy: np.ndarray) -> Kick | None:
-    """The kick in the last window of a body that leaves fewer frames behind it than others have."""
-    c, rows, s, places = current().kicks, windows.rows[-1], windows.s[-1], windows.places[-1].T
-    left = (left_by(degree, windows.s[-1:], windows.places[-1:]) for degree in (c.smooth, c.turning))
-    smooth, turning = (float(chi2[0] / windows.variance[-1]) for chi2 in left)
-    found = min((with_step(s, places, before) for before in range(c.half + 1, len(rows))), key=lambda f: f[0])
+def _late_kick(body: str, windows: Windows, w: int, xy: np.ndarray, after: tuple[int, int]) -> Kick | None:
+    """The kick of a body in its window w that leaves so many frames ``after`` it, from the least to the most."""
+    c, rows, s, places = current().kicks, windows.rows[w], windows.s[w], windows.places[w].T
+    left = (left_by(degree, windows.s[[w]], windows.places[[w]]) for degree in (c.smooth, c.turning))
+    smooth, turning = (float(chi2[0] / windows.variance[w]) for chi2 in left)
+    ends = [len(rows) - count for count in range(after[0], after[1] + 1)]
+    found = min((with_step(s, places, before) for before in reversed(ends)), key=lambda f: f[0])
     # a path that is bent, or seen less well at its end, leaves more than noise: against that chi2 is held
-    off, freedom = found[0] / float(windows.variance[-1]), _freedom()
+    off, freedom = found[0] / float(windows.variance[w]), _freedom()
     level = max(off / freedom, 1.0)
     if not _is_step(min(off, freedom), smooth / level, turning / level):
         return None
     first = min(int(np.searchsorted(s, found[1])), len(rows) - 1)
-    if first <= c.half:
+    if first < ends[-1]:
         return None
-    at = float(windows.times[-1, 0] + found[1] * windows.span[-1])
-    return Kick(body, int(rows[first]), at, xy[rows[first]], found[2] * windows.noise / windows.span[-1])
+    at = float(windows.times[w, 0] + found[1] * windows.span[w])
+    return Kick(body, int(rows[first]), at, xy[rows[first]], found[2] * windows.noise / windows.span[w])
 
 
 def chance_of_one() -> float:
@@ -241,11 +261,9 @@ def _is_alone(case: Case, kick: Kick) -> bool:
     return True
 
 
-def _kicks(case: Case, body: str, xy: np.ndarray, noise: float) -> list[Kick]:
-    """Kicks of one body; xy : (T, 2) places [m]."""
-    c, windows = current().kicks, windows_of(case, body, xy, noise)
-    if windows is None:
-        return []
+def _kicks(case: Case, body: str, xy: np.ndarray, windows: Windows) -> list[Kick]:
+    """Kicks of one body in the middle of its ``windows``; xy : (T, 2) places [m]."""
+    c = current().kicks
     size, s, places, variance = 2 * c.half, windows.s, windows.places, windows.variance
     smooth, turning = (left_by(d, s, places) / variance for d in (c.smooth, c.turning))
     best: list[tuple[float, int, np.ndarray, float]] = []
@@ -253,7 +271,7 @@ def _kicks(case: Case, body: str, xy: np.ndarray, noise: float) -> list[Kick]:
         off, when, change = with_step(s[w], places[w].T, c.half)
         off /= variance[w]
         if _is_step(off, smooth[w], turning[w]):
-            best.append((off - smooth[w], w, change * noise / windows.span[w], when))
+            best.append((off - smooth[w], w, change * windows.noise / windows.span[w], when))
     kicks: list[Kick] = []
     for _, w, change, when in sorted(best, key=lambda found: found[0]):
         at = float(windows.times[w, 0] + when * windows.span[w])

@@ -108,7 +108,9 @@ def _struck_again(impact: Impact, cut: tuple[int, list[Impact]], rows: np.ndarra
     """Whether a body that was struck at a cut is struck again before its flight is long enough to tell a start."""
     begin, before = cut
     struck = {body for other in before for body in other.bodies}
-    return bool(struck & set(impact.bodies)) and int(np.searchsorted(rows, impact.row)) - begin < criteria.frames
+    # before a kick that nothing explains there is nothing to go on from, however short the flight is
+    least = criteria.velocity if any(other.unknown for other in before) else criteria.frames
+    return bool(struck & set(impact.bodies)) and int(np.searchsorted(rows, impact.row)) - begin < least
 
 
 def shortened(case: Case) -> Case:
@@ -272,6 +274,8 @@ def find_cuts(case: Case, criteria: SegmentCriteria | None = None) -> list[Impac
     found = find_impacts(case, criteria)
     if not case.kicks:
         return found
+    # the frames of a kick are left out: what a body covers in between is no way to a wall
+    found = [i for i in found if not any(k.body in i.bodies and i.row < k.row <= i.apart for k in case.kicks)]
     frame = float(np.median(np.diff(case.t)))
     for kick in case.kicks:
         # it comes within a frame or two, and how large it is is open
