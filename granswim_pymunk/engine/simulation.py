@@ -84,7 +84,8 @@ class Simulation:
     @property
     def scene(self) -> Scene:
         """The scene; after ``restart`` with the time at which the run began again."""
-        return self.backend.scene
+        scene, start = self.backend.scene, self.backend.start_time
+        return scene if scene.time.start == start else scene.starting_at(start)
 
     @property
     def mode(self) -> str:
@@ -153,7 +154,7 @@ class Simulation:
         chosen = np.arange(order.n) if rows is None else np.asarray(rows, dtype=np.int64)
         inner = order.inner[chosen]
         if (inner < 0).any():
-            raise InputError(f"body {self.scene.bodies[int(chosen[inner < 0][0])].id} is not simulated here")
+            raise InputError(f"body {self.backend.scene.bodies[int(chosen[inner < 0][0])].id} is not simulated here")
         if not len(times):
             return np.full((0, len(chosen), 2), np.nan)
         self.backend.begin()
@@ -221,8 +222,8 @@ class Simulation:
 
     def _turn_rods(self, raw: dict[str, np.ndarray]) -> None:
         """Angle and spin of a pinned body are those of its rod."""
-        for item in self.scene.laws_named("pin"):
-            k = self.backend.order.inner[self.scene.rows(item)]
+        for item in self.backend.scene.laws_named("pin"):
+            k = self.backend.order.inner[self.backend.scene.rows(item)]
             dx = raw["x"][k] - item.values["anchor"][0]
             dy = raw["y"][k] - item.values["anchor"][1]
             raw["angle"][k] = np.arctan2(dx, -dy)
@@ -252,8 +253,8 @@ class Simulation:
 
     def body(self, name: str) -> pymunk.Body:
         """The ``pymunk.Body`` of a body of the scene (engine units)."""
-        self.scene.body(name)
-        return self.backend.body(self.scene.ids.index(name))
+        self.backend.scene.body(name)
+        return self.backend.body(self.backend.scene.ids.index(name))
 
     @property
     def diagnostics(self) -> dict[str, Any]:

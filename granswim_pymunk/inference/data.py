@@ -100,11 +100,12 @@ class Case:
         """
         if self.late is None:
             return innovations
-        u = np.where(np.isfinite(innovations), self.late[frames], 0.0)
+        seen = np.isfinite(innovations)
+        u = np.where(seen, self.late[frames], 0.0)
         size = np.sum(u**2, axis=1)
         root = np.sqrt(1.0 + size)
         factor = np.where(size > 0, (root - 1.0 if back else 1.0 / root - 1.0) / np.maximum(size, 1e-300), 0.0)
-        return np.asarray(innovations + u * (factor * np.nansum(u * innovations, axis=1))[:, None])
+        return np.asarray(innovations + u * (factor * np.where(seen, u * innovations, 0.0).sum(axis=1))[:, None])
 
     def white(self, innovations: np.ndarray, frames: np.ndarray) -> np.ndarray:
         """Innovations (T_frames, c) on ``frames`` (T,), uncorrelated and of unit size where they are this noise."""

@@ -451,7 +451,12 @@ def pendulum_angle(xy: np.ndarray, scene: Scene, body: str) -> np.ndarray:
     """Angle of the rod (T,) from positions (T, 2): 0 when hanging, counter-clockwise, unwrapped."""
     down, across = _hanging(scene)
     arm = xy - np.array(_given(scene, body, "pendulum")["anchor"])
-    return np.unwrap(np.arctan2(arm @ across, arm @ down))
+    return _without_turns(np.arctan2(arm @ across, arm @ down))
+
+
+def _without_turns(angle: np.ndarray) -> np.ndarray:
+    """``np.unwrap`` of an angle (T,), as it is where it does not jump: most runs of most fits."""
+    return np.unwrap(angle) if (np.abs(np.diff(angle)) > np.pi).any() else angle
 
 
 def turning_angle(xy: np.ndarray, rows: Sequence[int], scene: Scene, body: str) -> np.ndarray:
@@ -464,4 +469,4 @@ def turning_angle(xy: np.ndarray, rows: Sequence[int], scene: Scene, body: str) 
     whole = np.zeros((len(xy), len(scene.bodies), 2))
     for k, other in enumerate(scene.bodies):
         whole[:, k] = xy[:, list(rows).index(k)] if k in rows else (other.initial or (0.0, 0.0))[:2]
-    return np.unwrap(angles_of(scene, whole, np.zeros_like(whole))[0][:, scene.ids.index(body)])
+    return _without_turns(angles_of(scene, whole, np.zeros_like(whole))[0][:, scene.ids.index(body)])

@@ -79,6 +79,7 @@ class Backend(ABC):
         """``offsets``, ``motion``: Chipmunk's structures and compiled moves, where the mode is native."""
         scene = plan.scene
         self.plan, self.scene, self.dt = plan, scene, plan.dt
+        self.start_time = scene.time.start  # [s]; another one than the scene's once the run has begun again
         self.offsets, self.motion = offsets, motion
         self.impulse: list[LawUse] = [item for item in scene.laws if item.law.kind == "impulse"]
         # the laws read and write Chipmunk's own memory, which is in SI where its collision is not used
@@ -144,7 +145,7 @@ class Backend(ABC):
     @property
     def t(self) -> float:
         """Time [s]."""
-        return self.scene.time.start + self.step * self.dt
+        return self.start_time + self.step * self.dt
 
     def begin(self) -> None:
         """The first kick, where the velocities of the scene belong to the time of the positions."""
@@ -166,8 +167,8 @@ class Backend(ABC):
 
     def steps_to(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Steps done just before each time, and how far it is into the coming drift [s]."""
-        steps = np.floor((times - self.scene.time.start) / self.dt + 1e-9).astype(np.int64)
-        return steps, times - (self.scene.time.start + steps * self.dt)
+        steps = np.floor((times - self.start_time) / self.dt + 1e-9).astype(np.int64)
+        return steps, times - (self.start_time + steps * self.dt)
 
     def restart(self, xy: np.ndarray, v: np.ndarray, t: float, spin: np.ndarray | None) -> None:
         """Begin again, see ``Simulation.restart``."""
@@ -182,9 +183,8 @@ class Backend(ABC):
         raise InputError("only a simulation in mode verlet has bodies that are carried along")
 
     def begin_at(self, t: float) -> None:
-        """The scene begins at this time [s]."""
-        if t != self.scene.time.start:
-            self.scene = self.scene.starting_at(float(t))
+        """The run begins at this time [s]."""
+        self.start_time = float(t)
         self.state.numbers["t_start"] = t
 
     # ---- bodies ---------------------------------------------------------------------------------

@@ -62,7 +62,7 @@ class Batch(Compiled):
             spin[at] = values[ours, 5] / u.time
             if not np.isfinite(x).all() or not np.isfinite(y).all():
                 raise BodyLost(f"a position is not finite after step {self.step} (t = {self.t:.6g} s)")
-            self.array_forces(True, self.scene.time.start + (self.step + 1) * self.dt, b.state, in_step=True)
+            self.array_forces(True, self.start_time + (self.step + 1) * self.dt, b.state, in_step=True)
             forces = values[:, 6:9].copy()  # what the user put on the bodies
             forces[ours, 0] += b.fx[at] * b.heavier[at] / u.force
             forces[ours, 1] += b.fy[at] * b.heavier[at] / u.force

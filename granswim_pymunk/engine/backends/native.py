@@ -201,11 +201,11 @@ class Native(Compiled):
             context.values, context.at("status"), numbers.values, numbers.at("t_start"), numbers.at("dt"),
             numbers.at("step"), numbers.at("lasts"), b.bodies, b.radius / u.length, b.group, self.state.links.apart,
             self._touching, b.mobile, self.offsets.position, self.offsets.velocity, u.length, u.velocity,
-            self._last_step, self.state.walls.walls / u.length, context.at("constrained"), self.world.joint_limits, b.fx, b.fy,
-            b.inverse_mass, self.plan.stretch, b.bodies[rows].copy(), out,
+            self._last_step, self.state.walls.walls / u.length, context.at("constrained"), self.world.joint_limits,
+            b.fx, b.fy, b.inverse_mass, self.plan.stretch, b.bodies[rows].copy(), out,
         )  # fmt: skip
         self._event_time, self._last_step = float(reached), float(last)
-        self.step = max(round((reached - self.scene.time.start) / self.dt), 1)
+        self.step = max(round((reached - self.start_time) / self.dt), 1)
         self._interrupted(None)
         return out
 

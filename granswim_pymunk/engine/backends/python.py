@@ -339,7 +339,7 @@ class Python(Backend):
 
     def _time(self) -> float:
         """Time of the positions [s], which the drift has led one step on."""
-        return self.scene.time.start + (self.step + (1 if self._stepping else 0)) * self.dt
+        return self.start_time + (self.step + (1 if self._stepping else 0)) * self.dt
 
     def _body_state(self, k: int, t: float, state: np.ndarray, item: LawUse) -> dict[str, Any]:
         b, laws = self.state.bodies, self.state.laws
