@@ -14,8 +14,10 @@ from granswim_pymunk.inference.data import prepare
 from granswim_pymunk.inference.entry import diagnose
 from granswim_pymunk.inference.hypothesis import Predictor
 from granswim_pymunk.inference.tracks import begun
+from granswim_pymunk.inference.tracks.begun import without_first_frames
+from granswim_pymunk.inference.tracks.study import FittedAlone, Study, calibrated, study_of, tried_alone
 from granswim_pymunk.recording import Recording
-from granswim_pymunk.scene import Body, Scene
+from granswim_pymunk.scene import Adjustable, Body, Scene, use
 
 RATE, NOISE, MASS, GRAVITY = 60.0, 1e-3, 0.0027, (0.0, -9.81)  # Hz, m, kg, m/s^2
 BALL = Body("ball", "free", 0.02, MASS)
@@ -79,6 +81,44 @@ def test_the_drag_after_a_launcher_is_found():
 def test_what_acts_all_along_is_left_in(film):
     """One law, two, a weak one and none: first frames are fitted no better without than the others."""
     assert left_out(diagnose([thrown(0, **film)]).verdict) == []
+
+
+def pushed_up_a_track(pushed: int, bend: float) -> Recording:
+    """A cart that is pushed for so many frames and rolls up a bent slope and back, with friction."""
+    t, until = np.arange(120) / 20.0, (pushed - 0.5) / 20.0
+
+    def rate(s, y):
+        push = 2.4 if s < until else 0.0
+        return [y[1], push - 0.21 * (1 + bend * (y[0] - 0.4)) - 0.03 * np.tanh(y[1] / 1e-3)]
+
+    begin = [0.0, 0.05 if pushed else 0.6]
+    x = solve_ivp(rate, (0, t[-1]), begin, t_eval=t, max_step=2e-3, rtol=1e-9, atol=1e-12).y[0]
+    x = x + 5e-5 * np.random.default_rng(5).normal(size=x.shape)
+    cart = Body("cart", "free", 0.05, 0.5)
+    laws = (use("rail", bodies=["cart"], direction=(1.0, 0.0)), use("uniform_force", bodies=["cart"], a=(-0.21, 0.0)))
+    xy = np.column_stack([x, np.zeros_like(x)])[:, None, :]
+    slope = Adjustable("uniform_force", "a_x", -0.3, -0.1)
+    return Recording("track", Scene((cart,), laws, adjustable=(slope,)), t, ("cart",), xy, sampling=20.0,
+                     position_noise=5e-5)  # fmt: skip
+
+
+def looked_at(recording: Recording) -> tuple[Study, FittedAlone]:
+    study = study_of([recording], [], np.random.default_rng(0), lambda *said: None, lambda share: False)
+    return study, tried_alone(study, *calibrated(study))
+
+
+@pytest.mark.parametrize("bend", [0.3, 0.6])
+def test_a_hand_is_seen_though_more_is_missing_all_along(bend):
+    """A toy car's first frames were left in, as a bent track leaves more than noise all along."""
+    study, tried = looked_at(pushed_up_a_track(5, bend))
+    (case,) = without_first_frames(study, tried).cases
+    seen = case.training & np.isfinite(case.values).any(axis=1)  # some may be out as single sightings
+    assert 4 <= np.flatnonzero(seen)[0] <= 7
+
+
+def test_more_that_is_missing_all_along_is_no_hand():
+    study, tried = looked_at(pushed_up_a_track(0, 0.6))
+    assert without_first_frames(study, tried) is None
 
 
 def test_a_held_out_throw_is_followed_from_where_the_hand_lets_go():

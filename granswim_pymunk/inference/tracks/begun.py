@@ -108,7 +108,7 @@ def _first_free(study: Study, tried: FittedAlone, case: Case, out: bool) -> int:
         plain, with_laws = _without(study, tried.recalibrated, case, counts[-1])
         fits = [plain, *with_laws]
         if all(fit.excess for fit in fits):
-            return 0  # something is missing all along
+            return _beside_the_rest(study, tried, case, counts)  # something is missing all along
         left = _left(case, case.training, counts, fits, study.predictor, study.stop, stages=study.stages)
     except Failed:
         return 0
@@ -129,6 +129,34 @@ def _first_free(study: Study, tried: FittedAlone, case: Case, out: bool) -> int:
     # what acts all along leaves less the more is left out
     asks = begun.first < counts[-1] and begun.cost < now - (price(len(counts), 1) if begun.laws and not out else 0)
     return begun.first if asks else 0
+
+
+def _beside_the_rest(study: Study, tried: FittedAlone, case: Case, counts: Sequence[int]) -> int:
+    """How many first frames leave far more than all later ones do, where these leave more than noise, too.
+
+    Each of their numbers leaves ``ReleaseCriteria.away`` squared times as much as a later one, whatever law that has a
+    name is fitted to them, and as much more than the next ones do when they are left out: what is missing later on is
+    missing all along, and a law that shows most at first shows a little less from frame to frame. Raises Failed.
+    """
+
+    def left(of: Sequence[int]) -> list[_Left]:
+        how = {"stages": study.stages}
+        found = _left(case, case.training, of, [tried.recalibrated], study.predictor, study.stop, **how)
+        return [each[0] for each in found]
+
+    # a lens bends to whatever a hand does
+    fits = [tried.recalibrated, *(t.fit for t in tried.alive if t.fit is not None and not t.special)]
+    named = min(float(np.nansum(fit.white[case.name] ** 2)) for fit in fits)
+    far, (last,) = current().release.away ** 2, left(counts[-1:])
+    size = max(last.chi2 / max(last.count, 1), 1.0)
+    if named - last.chi2 < far * size * counts[1]:
+        return 0
+    every = [*left(counts[:-1]), last]
+    begun = min(every, key=lambda w: w.chi2 / size + far * w.gone)
+    if not every[0].gone < begun.gone < last.gone:
+        return 0
+    after = (begun.chi2 - last.chi2) / (last.gone - begun.gone)
+    return begun.first if (named - begun.chi2) / begun.gone > far * max(size, after) else 0
 
 
 def _out_already(case: Case) -> int:
