@@ -55,6 +55,10 @@ TEXTS = {
         twice("Slice n°\tTrack n°\tX\tY\tVelocity", "12", PX, "\t", FRAME, more=(T,)), PIXELS, 2),
     "imagej_results": (
         table(" ,Label,X,Y,Slice", FRAME, [f"film:{k}" for k in FRAME], *PX[:, 0].T, FRAME, sign=","), PIXELS, 1),
+    "logger_pro_in_one_word": (
+        table("VideoAnalysis: Time (s),VideoAnalysis: X,VideoAnalysis: Y,VideoAnalysis: X Velocity", T, *PX[:, 0].T, T,
+              sign=","), PIXELS | {"fps": None}, 1),
+    "norwegian": (table("Tid (s);x-posisjon (m);y-posisjon (m);Fart (m/s)", T, *ALL[:, 0].T, T), {}, 1),
     "mosaic": (twice("Frame,Trajectory,x,y,m0", "12", PX, ",", FRAME, more=(T,)), PIXELS, 2),
     "optitrack": (
         mocap("Format Version,1.23,Take Name,a,Length Units,Meters", "", ",Type,M,M,M,M,M,M", ",Name,a,a,a,b,b,b",

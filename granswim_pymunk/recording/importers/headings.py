@@ -11,36 +11,40 @@ import unicodedata
 from collections.abc import Mapping, Sequence
 
 from ...errors import InputError
-from .units import ANGLES, LENGTHS, PIXELS, SENSOR, is_unit, split_unit
+from .units import ANGLES, LENGTHS, PIXELS, SENSOR, TIMES, is_unit, split_unit
 
 NAMES: dict[str, tuple[str, ...]] = {
     "t": ("t", "time", "times", "trial time", "timestamp", "time stamp", "elapsed time", "seconds", "zeit", "uhrzeit",
-          "zeitpunkt", "temps", "tiempo", "tempo", "datetime", "tijd"),
+          "zeitpunkt", "temps", "tiempo", "tempo", "datetime", "tijd", "aika", "czas"),
     "frame": ("frame", "frames", "frameindex", "framenumber", "image", "slice", "bild", "einzelbild", "bildnummer",
-              "trame", "quadro", "cuadro", "fotograma", "fotogramma", "imagem", "imagen"),
+              "trame", "quadro", "cuadro", "fotograma", "fotogramma", "imagem", "imagen", "bilde",
+              "billede", "bildruta"),
     "body": ("body", "particle", "track", "trackid", "trajectory", "tid", "id", "object", "individual", "marker",
              "disk", "disc", "grain", "ball", "puck", "name", "label",
              "korper", "koerper", "teilchen", "partikel", "kugel", "scheibe", "objekt", "spur", "punkt",
              "objet", "corps", "particule", "bille", "palet",
-             "corpo", "particula", "objeto", "bola", "disco", "cuerpo", "particella", "oggetto"),
+             "corpo", "particula", "objeto", "bola", "disco", "cuerpo", "particella", "oggetto",
+             "partikkel", "kule", "kugle", "kula"),
     "x": ("x", "posx", "xpos", "cx", "abscisse", "abscissa", "abszisse"),
     "y": ("y", "posy", "ypos", "cy", "ordonnee", "ordinate", "ordenada", "ordinata"),
     "angle": ("angle", "theta", "phi", "θ", "φ", "orientation", "winkel", "drehwinkel", "auslenkwinkel", "angulo",
-              "angolo", "angular position", "angular displacement", "ang"),
+              "angolo", "angular position", "angular displacement", "ang", "vinkel", "hoek"),
 }  # fmt: skip
 # beside x or y they leave it what it is: "Ort x", "posição x", "Centroid.X", "center_y"
 BESIDE = {
     "position", "pos", "coordinate", "coord", "center", "centre", "centroid", "wcentroid", "mean", "com",
     "ort", "lage", "koordinate", "mittelpunkt", "schwerpunkt", "coordonnee", "posicao", "coordenada", "centro", "meio",
-    "posicion", "posizione", "coordinata", "baricentro",
+    "posicion", "posizione", "coordinata", "baricentro", "posisjon", "positie",
 }  # fmt: skip
 # a single coordinate, where there is no x or y
 ALONE = ("position", "pos", "ort", "lage", "weg", "strecke", "distance", "displacement", "posicao", "posicion",
-         "posizione", "distancia", "deslocamento")  # fmt: skip
+         "posizione", "distancia", "deslocamento", "posisjon", "avstand", "strekning", "stracka", "afstand",
+         "positie")  # fmt: skip
 # the letter of a way along a line, as motion sensors write it beside v and a; alone it may be anything
 WAY, RATES_OF_WAY = "s", (["v"], ["a"])
 # the same, of which the axis is clear; not where it is the size of a box, beside its width
-UPRIGHT = ("height", "altitude", "hohe", "hoehe", "hauteur", "altura", "altezza", "elevation")
+UPRIGHT = ("height", "altitude", "hohe", "hoehe", "hauteur", "altura", "altezza", "elevation",
+           "høyde", "højde", "hojd", "hoogte")  # fmt: skip
 WIDTHS = {"width", "breite", "largeur", "largura", "ancho", "larghezza", "w"}
 # a deflection: an angle where its unit is one
 DEFLECTION = ("auslenkung", "deflection", "elongation", "rotation", "drehung")
@@ -49,13 +53,16 @@ COUNTING = {"n°", "n", "no", "nr", "num", "number", "nummer", "numero", "id", "
 RATES = {
     "velocity", "velocities", "vel", "speed", "acceleration", "accel", "acc", "force", "momentum", "gyroscope", "gyro",
     "field", "accelerometer", "geschwindigkeit", "beschleunigung", "kraft", "vitesse", "velocidade", "velocidad",
-    "velocita", "aceleracao", "aceleracion", "accelerazione", "forca", "fuerza", "forza",
+    "velocita", "aceleracao", "aceleracion", "accelerazione", "forca", "fuerza", "forza", "fart", "hastighet",
+    "hastighed", "akselerasjon", "snelheid", "versnelling", "kracht",
 }  # fmt: skip
 # beside a coordinate they are no bodies: rates and errors
 NO_BODY = re.compile(
     r"d?dots?\d*|mom|freq|frequency|rate|err(?:or)?s?|std|sigma|sem|noise|uncertainty|fehler", re.IGNORECASE
 )
 _RATE_UNIT = re.compile(r".*[/^²³·].*|N|V|T|[mµμu]T|Hz|kHz|W|J|Pa|k?g")
+# of a column that a user calls a place: a sensor may tell one in volts, and never in anything by time
+_BY_TIME = re.compile(r".*/\s*(?:s|sec|min|h)\b.*|.*\bs\s*(?:\^\s*)?[-−⁻].*")
 
 
 def folded(text: str) -> str:
@@ -72,14 +79,9 @@ def words(column: str) -> list[str]:
 
 def is_rate(column: str) -> bool:
     """Whether a column has a velocity, an acceleration, a force ...: by a word, or by its unit."""
-    return bool(_rate_unit(column) or RATES.intersection(words(column)))
-
-
-def _rate_unit(column: str) -> str:
-    """The unit of a column that is one of a rate, as m/s; empty where it has none, or another one."""
     unit = split_unit(column)[1]
     rate = unit is not None and not is_unit(unit) and unit.lower() not in PIXELS and _RATE_UNIT.fullmatch(unit)
-    return unit or "" if rate else ""
+    return bool(rate or RATES.intersection(words(column)))
 
 
 def is_lone(column: str) -> bool:
@@ -100,27 +102,39 @@ def is_third(column: str) -> bool:
     return "z" in said and BESIDE.union("z").issuperset(said) and not is_rate(column)
 
 
+# Norwegian, Swedish and Danish for time; also what MTrackJ calls the number of a track, which has no unit
+NORDIC = "tid"
+
+
 def is_clock(column: str) -> str | None:
     """ "t" or "frame", where a column is a clock by its heading."""
     name = " ".join(words(column))
+    if name == NORDIC:
+        return "t" if split_unit(column)[1] in TIMES else None
     return next((key for key in ("t", "frame") if name in NAMES[key]), None)
 
 
 def is_from_top(header: Sequence[str]) -> bool:
     """Whether a table is one of ImageJ (Results, Manual Tracking, MTrackJ), which counts y from the top of a picture.
 
-    Its word for a frame is Slice, that of MTrackJ for a track TID; Results have a nameless column and perhaps a Label.
+    Its word for a frame is Slice, that of MTrackJ for a track TID, beside a clock; Results have a nameless column and
+    perhaps a Label.
     """
     said = {word for column in header for word in words(column)}
-    return bool(said & {"slice", "tid"}) or (list(header[:1]) == ["index"] and "Label" in header)
+    tracks = NORDIC in said and any(is_clock(name) and words(name) != [NORDIC] for name in header)
+    return "slice" in said or tracks or (list(header[:1]) == ["index"] and "Label" in header)
 
 
 def _matches(key: str, header: Sequence[str]) -> list[str]:
     """Columns that are a key, best first; those of one rank are of several runs."""
+    if key == "body":
+        header = [name for name in header if is_clock(name) != "t"]
     for wanted in NAMES[key]:
         found = [name for name in header if " ".join(words(name)) == wanted]
         if found:
             return sorted(found, key=lambda name: name.lower() != wanted)
+    if key == "t":
+        return [name for name in header if is_clock(name) == key]
     if key in ("x", "y"):
         return [name for name in header if key in (said := words(name)) and BESIDE.union(key).issuperset(said)]
     return []
@@ -130,11 +144,12 @@ def find_columns(header: Sequence[str], given: Mapping[str, str]) -> dict[str, s
     """Which column is what: those given, then exact names, then names in other words, with a unit or in a language.
 
     Raises InputError where a table has several runs, or several sensors, side by side, and where a column that is
-    given as a place has the unit of a rate.
+    given as a place is in something by time.
     """
     found = dict(given)
     for key in ("x", "y", "angle"):
-        if unit := _rate_unit(given.get(key, "")):
+        unit = split_unit(given.get(key, ""))[1] or ""
+        if _BY_TIME.fullmatch(unit):
             raise InputError(
                 f"{key}: the column {given[key]!r} is in {unit}, a rate and no place: sum it up over time first, or "
                 "say another column",
@@ -163,6 +178,8 @@ def find_columns(header: Sequence[str], given: Mapping[str, str]) -> dict[str, s
     for key in NAMES:
         if key not in found and not (key == "frame" and "t" in given):
             take(key, _matches(key, open_to))
+    if not {"t", "frame"} & found.keys() and "body" not in given and words(found.get("body", "")) == [NORDIC]:
+        found["t"] = found.pop("body")  # a table of tracks would have a clock beside it
     if not {"x", "y"} & found.keys() and not any(WIDTHS.intersection(words(name)) for name in header):
         take("y", [name for name in open_to if " ".join(words(name)) in UPRIGHT])
     if not {"x", "y"} & found.keys():

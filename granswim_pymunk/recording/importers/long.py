@@ -84,7 +84,8 @@ def recognise(source: Source) -> bool:
     given = _given(source.options, source.table)
     found = find_columns(header, given)
     x = found.get("x")
-    if x is not None and words(x) != ["x"] and sum("x" in words(name) for name in header) > 1:
+    several = sum("x" in words(name) and not is_rate(name) for name in header) > 1
+    if x is not None and "x" not in given and words(x) != ["x"] and several:
         return False  # center_x and nose_x: a wide table
     if not {"x", "y", *given} & found.keys() - {"t"} and any(_is_place_of_a_body(name) for name in header):
         return False  # a_x, a_y and an angle: it is not the angle alone
@@ -174,7 +175,13 @@ def read(source: Source, options: Options) -> Found:
         # as ImageJ labels its results: film:1, film:2 ...
         notes.append(f"{found['body']} differs in every row and is not taken for a body (--columns body=... does so)")
         body = None
-    if said_unit(table, found.get("x"), found.get("y")) in ANGLES:
+    unit = said_unit(table, found.get("x"), found.get("y"))
+    if unit is not None and options.unit is None and known(unit, LENGTHS) is None and unit not in ANGLES:
+        notes.append(
+            f"{found.get('x') or found['y']} is in {unit}, which is no length that is known: its numbers are taken for "
+            "metres (--unit says how long one is)"
+        )
+    if unit in ANGLES:
         notes.append(
             f"{found.get('x') or found['y']} is in a unit of angles and is taken for a place: an angle is said as "
             "--columns angle=NAME"
@@ -186,7 +193,7 @@ def read(source: Source, options: Options) -> Found:
         x=x,
         y=y,
         angle=table.numbers(found["angle"]) if "angle" in found else None,
-        length=known(said_unit(table, found.get("x"), found.get("y")), LENGTHS),
+        length=known(unit, LENGTHS),
         time=time,
         turn=known(said_unit(table, found.get("angle")), ANGLES),
         y_down=is_from_top(table.header),

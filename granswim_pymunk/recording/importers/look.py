@@ -78,6 +78,18 @@ def noise_of(values: np.ndarray) -> float:
     return float(1.4826 * np.median(np.abs(third - np.median(third))) / math.sqrt(20))
 
 
+def _as_written(values: np.ndarray) -> float:
+    """``noise_of``, and no less than rounding to the least step of the values leaves, a step over root twelve."""
+    noise, values = noise_of(values), values[np.isfinite(values)]
+    steps = np.diff(np.unique(values))
+    steps = steps[steps > 1e-9 * np.ptp(values)] if len(steps) else steps
+    if not len(steps):
+        return noise
+    off = (values - values[0]) / steps.min()
+    rounded = np.abs(off - np.round(off)).max() < 1e-3
+    return max(noise, float(steps.min()) / math.sqrt(12)) if rounded else noise
+
+
 def _shown_again(recording: Recording) -> np.ndarray:
     """(T,) frames in which all is where it was in the frame before, to the last digit, where pictures stand twice."""
     numbers = recording.unwrapped().xy.reshape(len(recording.t), -1)
@@ -115,7 +127,7 @@ def look(recording: Recording) -> Look:
         unseen += int(frames[-1] - frames[0]) + 1 - len(frames)
         longest = max(longest, float(np.diff(t[frames])[np.diff(counted[frames]) > 1].max(initial=0.0)))
         if recording.angle is not None:
-            turned.append(noise_of(recording.angle[:, k]))
+            turned.append(_as_written(recording.angle[:, k]))
         at = np.flatnonzero(np.isfinite(xy[:, k, 0]))
         if len(at) < 3:
             continue
@@ -123,7 +135,7 @@ def look(recording: Recording) -> Look:
         dt = np.diff(t[at])
         velocity = steps / dt[:, None]
         speeds.append(np.hypot(*velocity.T))
-        noises += [noise_of(xy[at, k, axis]) for axis in (0, 1) if np.ptp(xy[at, k, axis]) > 0]
+        noises += [_as_written(xy[at, k, axis]) for axis in (0, 1) if np.ptp(xy[at, k, axis]) > 0]
         change = np.hypot(*np.diff(velocity, axis=0).T) * dt[1:]
         # of places that were read off a scale, no change is smaller than its least step
         usual = float(np.median(change)) + 1e-3 * float(np.median(np.hypot(*steps.T)))

@@ -10,6 +10,7 @@ from scipy.special import ellipk
 
 CLEAR = 0.2  # of the swing, from which a side of its middle is one and no noise
 INNER = (0.02, 0.98)  # quantiles between which it swings: single wrong points do not count
+LATER = (0.5, 0.75)  # of a swing that slows down, from which on its passages may be even
 CROSSINGS = 4  # passages through the middle: two tell half a period, and a middle that is off needs two more
 EVEN = 0.1  # of half a period, to which the passages are even
 ROUND = 0.9 * math.pi  # rad, of a swing that may go round
@@ -49,6 +50,12 @@ def swing_of(t: np.ndarray, values: np.ndarray) -> Swing | None:
         return None
     error = 2 * spread * math.sqrt(np.linalg.pinv(columns.T @ columns)[1, 1])
     return Swing(2 * float(numbers[1]), error, middle, math.sqrt(2) * float(np.std(values)))
+
+
+def last_swing_of(t: np.ndarray, values: np.ndarray) -> Swing | None:
+    """``swing_of`` all values, or of later ones where those are not even: wide swings last longer than small ones."""
+    begins = [int(share * len(values)) for share in (0.0, *LATER)]
+    return next((swing for k in begins if (swing := swing_of(t[k:], values[k:])) is not None), None)
 
 
 def _passage(t: np.ndarray, away: np.ndarray) -> float:

@@ -219,8 +219,9 @@ def unquoted(lines: list[str]) -> list[str]:
     A row of one word, as a title, may stand without quotes. A cell that is a number with a decimal comma is no row.
     """
     sample = [_QUOTED.fullmatch(line) for line in lines[:LOOKED_AT]]
-    rows = sum(cell is not None and _is_row(cell[1]) for cell in sample)
-    if rows < 3 or rows < 0.5 * len(sample):
+    quoted = [cell[1] for cell in sample if cell is not None]
+    # a row of which one cell alone is filled, as times without a place, may be any cell
+    if sum(map(_is_row, quoted)) < 3 or len(quoted) < 0.5 * len(sample):
         return lines
     cells = [_QUOTED.fullmatch(line) for line in lines]
     # the last line may be cut

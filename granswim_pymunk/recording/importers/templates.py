@@ -19,7 +19,7 @@ from scipy.spatial import cKDTree
 
 from ...errors import InputError
 from ...laws import get_law
-from .periods import Swing, rod_of, swing_of
+from .periods import Swing, last_swing_of, rod_of, swing_of
 from .plausible import SWINGS_OFF
 
 G = 9.81
@@ -253,7 +253,7 @@ def _pin_of(name: str, tracks: Tracks, given: Mapping[str, Any], gravity: tuple[
         anchor = np.zeros(2)
         if "length" in given:
             return {"anchor": anchor.tolist(), **given}, ""
-        swing, g = swing_of(*tracks.turned(name)), math.hypot(*gravity)
+        swing, g = last_swing_of(*tracks.turned(name)), math.hypot(*gravity)
         length = math.nan if swing is None or not g else rod_of(swing, g, across=False)
         if swing is None or not math.isfinite(length):
             only = f"only the angle of {name} is measured, and no period can be told"

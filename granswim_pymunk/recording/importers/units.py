@@ -86,7 +86,7 @@ def measure(text: str, units: Mapping[str, float], what: str, where: str) -> flo
 SENSOR = re.compile(r",\s*ch\s*([a-z]|\d+(?:\s*[+&]\s*\d+)?)(?![^\W_])", re.IGNORECASE)
 # what Logger Pro, Graphical Analysis and Capstone put around a heading
 _AROUND = re.compile(
-    r"^\s*(?:latest|run\s*#?\s*\d+|data\s*set(?:\s*\d+)?|video analysis(?:\s*\d+)?)\s*:\s*"
+    r"^\s*(?:latest|run\s*#?\s*\d+|data\s*set(?:\s*\d+)?|video\s*analysis(?:\s*\d+)?)\s*:\s*"
     rf"|,?\s*run\s*#?\s*\d+\s*(?=\(|$)|{SENSOR.pattern}",
     re.IGNORECASE,
 )
