@@ -74,9 +74,8 @@ def candidates(diagnosis: TrackFinding, most: int = 18) -> Figure:
     after = [max(t.fit.chi2, 1e-300) / count for t in shown if t.fit is not None]
     if together:
         after.append(max(diagnosis.revised.chi2, 1e-300) / count)
-        gain = diagnosis.recalibrated.chi2 - diagnosis.revised.chi2
         left.barh(-1, after[-1] - before, left=before, height=0.66, color=REVISED)
-        left.text(before, -1, " " + _fall(gain), va="center", fontsize=7.5, color="white")
+        left.text(before, -1, " " + compact(after[-1]), va="center", fontsize=7.5, color="white")
         if math.isfinite(diagnosis.inner.get(together, math.nan)):
             right.plot(diagnosis.inner[together], -1, "o", color=REVISED, markersize=5.5)
     for row, trial in enumerate(shown):
@@ -143,14 +142,9 @@ def _bar(axis: Axes, row: int, trial: Trial, without: tuple[float, int], colour:
     axis.barh(row, trial.fit.chi2 / count - before, left=before, height=0.66, color=colour)
     inside = colour == REVISED and trial.gain > 0.3 * count * before
     axis.text(
-        before, row, " " + _fall(trial.gain), va="center", fontsize=7.5, ha="left",
+        before, row, " " + compact(trial.fit.chi2 / count), va="center", fontsize=7.5, ha="left",
         color="white" if inside else SEEN,
     )  # fmt: skip
-
-
-def _fall(gain: float) -> str:
-    """A fall in chi2; of large ones, which look alike in two digits, the bars say more."""
-    return "0" if gain <= 0.05 else compact(gain) if gain < 1000 else "> 1000"
 
 
 def _falling_axis(axis: Axes, low: float, high: float, top: float | None = None) -> None:
