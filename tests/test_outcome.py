@@ -1,6 +1,8 @@
 """What a diagnosis hands over: a verdict of the contract, scenes that run, a page that needs nothing beside it."""
 
+import io
 import json
+import re
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -11,7 +13,7 @@ from matplotlib.figure import Figure
 from granswim_pymunk.cli import main
 from granswim_pymunk.errors import InputError
 from granswim_pymunk.inference.criteria import DEFAULT, current, using
-from granswim_pymunk.inference.entry import grouped, kind_of
+from granswim_pymunk.inference.entry import ProgressLine, grouped, kind_of
 from granswim_pymunk.inference.places import Place
 from granswim_pymunk.inference.result import (
     TRAINING,
@@ -331,3 +333,12 @@ def test_a_verdict_of_all_kinds_tells_the_share_of_the_leader():
     found = together(bodies=(telling, []), bed=method_of({}))
     assert found.verdict["explained"]["share"] == 0.9 and found.verdict["heldout"] == "holds"
     assert found.verdict["complete"] is True
+
+
+def test_progress_goes_no_step_back():
+    """Laws that are asked for once more began at a tenth again."""
+    stream = io.StringIO()
+    line = ProgressLine(stream)
+    for text, share in (("signatures", 0.1), ("refitting", 0.4), ("signatures", 0.1), ("nulls", 0.64)):
+        line(text, share)
+    assert re.findall(r"\[ *(\d+) %\]", stream.getvalue()) == ["10", "40", "40", "64"]

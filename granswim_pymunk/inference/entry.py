@@ -55,15 +55,17 @@ def grouped(
 
 
 class ProgressLine:
-    """One line on stderr: what is being done, how far, how long it will take."""
+    """One line on stderr: what is being done, how far, how long it will take; what is done again goes no step back."""
 
     def __init__(self, stream=None) -> None:
         self.stream = stream or sys.stderr
         self.began = time.monotonic()
         self.terminal = self.stream.isatty()
         self.last = ""
+        self.share = 0.0
 
     def __call__(self, text: str, share: float) -> None:
+        share = self.share = max(share, self.share)
         spent = time.monotonic() - self.began
         left = spent * (1 - share) / share if share > current().budget.foretold else None
         line = f"[{100 * share:3.0f} %] {text}, {spent:.0f} s" + (f", about {left:.0f} s left" if left else "")
