@@ -10,6 +10,7 @@ import pytest
 from test_importers import HEIGHT, PIXEL, T, filled, pd
 
 from granswim_pymunk.errors import InputError
+from granswim_pymunk.recording import read_recording
 from granswim_pymunk.recording.importers import import_all, import_recording
 from granswim_pymunk.recording.importers.headings import find_columns, words
 
@@ -297,6 +298,20 @@ def test_stamps_that_are_rounded_are_named_and_can_be_passed_over(header, tmp_pa
     np.testing.assert_allclose(done.recording.t, t, atol=1e-12)
     np.testing.assert_allclose(done.recording.xy[:, 0], xy, atol=1e-12)
     assert any("times in column t are not used" in note for note in done.notes)
+
+
+def test_times_from_row_to_row_are_summed(tmp_path):
+    """A camera that writes how long each frame took: the first row may say nothing, any other has to."""
+    steps = ["", *(f"{step:.6f}" for step in np.diff(T))]
+    source = tmp_path / "table.csv"
+    source.write_text(table("x,y,dt", *ALL[:, 0].T, steps, sign=","), encoding="utf-8")
+    done = import_all(source, tmp_path / "out", bodies=["a:1cm:1g"])[0]
+    np.testing.assert_allclose(read_recording(tmp_path / "out").t, T - T[0], atol=1e-5)
+    assert "dt has times from row to row: their sum is the clock" in done.notes
+    steps[4] = ""
+    source.write_text(table("x,y,dt", *ALL[:, 0].T, steps, sign=","), encoding="utf-8")
+    with pytest.raises(InputError, match="row 6: dt is missing"):
+        import_all(source, tmp_path / "other", bodies=["a:1cm:1g"])
 
 
 def test_bodies_that_are_not_told_apart_are_no_rounded_stamps(tmp_path):

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from granswim_pymunk.cli import main
 from granswim_pymunk.errors import InputError
@@ -51,6 +52,21 @@ class TestAnglesOfSeveralBodies:
         import_all(source, tmp_path / "out", bodies=["*:3cm:1kg"], scene="pendulum", laws=PINS, picture=True, **said)
         read = read_recording(tmp_path / "out")
         np.testing.assert_allclose(read.angle, np.stack([LEFT, RIGHT], axis=1), atol=1e-12)
+
+    def test_few_rows_are_no_angle_alone(self, tmp_path):
+        source = write(tmp_path, "t,x,y", T[:6], np.sin(LEFT[:6]), -np.cos(LEFT[:6]))
+        with pytest.raises(InputError, match="bob is seen in 6 frames, too few to tell its rod from: say how long"):
+            import_recording(source, bodies=["bob:3cm:1kg"], scene="pendulum")
+
+    def test_a_period_is_told_from_where_wide_swings_have_slowed_down(self, tmp_path):
+        """An arm that falls from upright: its first swings take half as long again as its last ones."""
+        t = np.arange(0, 9, 0.02)
+        begin, scale = [3.0, 0.0], 9.81 / 0.25
+        run = solve_ivp(lambda s, y: [y[1], -scale * np.sin(y[0]) - 0.7 * y[1]], (0, 9), begin, t_eval=t, rtol=1e-8)
+        source = write(tmp_path, "t,angle", t, np.round(run.y[0], 3))
+        (r,) = import_recording(source, bodies=["arm:3cm:1kg"], scene="pendulum")
+        (pin,) = r.scene.laws_named("pin")
+        assert abs(pin.values["length"] - 0.25) < 0.03
 
     def test_numbers_in_a_heading_are_bodies_in_rad(self, tmp_path):
         source = write(tmp_path, "t,theta1,theta2", T, LEFT, RIGHT)

@@ -30,6 +30,8 @@ NAMES: dict[str, tuple[str, ...]] = {
     "angle": ("angle", "theta", "phi", "θ", "φ", "orientation", "winkel", "drehwinkel", "auslenkwinkel", "angulo",
               "angolo", "angular position", "angular displacement", "ang", "vinkel", "hoek"),
 }  # fmt: skip
+# times from row to row, where no column is a clock
+STEPS = ("dt", "delta t", "δt", "deltat", "time step", "timestep", "zeitschritt")
 # beside x or y they leave it what it is: "Ort x", "posição x", "Centroid.X", "center_y"
 BESIDE = {
     "position", "pos", "coordinate", "coord", "center", "centre", "centroid", "wcentroid", "mean", "com",
@@ -143,6 +145,8 @@ def _matches(key: str, header: Sequence[str]) -> list[str]:
 def find_columns(header: Sequence[str], given: Mapping[str, str]) -> dict[str, str]:
     """Which column is what: those given, then exact names, then names in other words, with a unit or in a language.
 
+    A table without a clock may have a column "step", of times from row to row.
+
     Raises InputError where a table has several runs, or several sensors, side by side, and where a column that is
     given as a place is in something by time.
     """
@@ -180,6 +184,8 @@ def find_columns(header: Sequence[str], given: Mapping[str, str]) -> dict[str, s
             take(key, _matches(key, open_to))
     if not {"t", "frame"} & found.keys() and "body" not in given and words(found.get("body", "")) == [NORDIC]:
         found["t"] = found.pop("body")  # a table of tracks would have a clock beside it
+    if not {"t", "frame", "body"} & found.keys():
+        take("step", [name for name in open_to if " ".join(words(name)) in STEPS])
     if not {"x", "y"} & found.keys() and not any(WIDTHS.intersection(words(name)) for name in header):
         take("y", [name for name in open_to if " ".join(words(name)) in UPRIGHT])
     if not {"x", "y"} & found.keys():

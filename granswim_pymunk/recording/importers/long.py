@@ -37,7 +37,14 @@ def known(unit: str | None, units: Mapping[str, float]) -> str | None:
 
 def clock(table: Table, found: Mapping[str, str], options: Options) -> tuple[np.ndarray, str, str | None]:
     """Times of the rows, what they count and their unit. Raises InputError where there are none."""
-    frame, column = found.get("frame"), found.get("t")
+    frame, column, step = found.get("frame"), found.get("t"), found.get("step")
+    if column is None and step is not None and options.fps is None:
+        steps = table.numbers(step)
+        steps[0] = 0.0  # there was no row before
+        if not np.isfinite(steps).all():
+            row = table.lines[int(np.argmin(np.isfinite(steps)))]
+            raise InputError(f"{step} is missing", file=table.source, where=f"row {row}")
+        return np.cumsum(steps), "time", known(said_unit(table, step), TIMES)
     if column is None or (options.fps is not None and frame is not None):
         column = frame
     if column is None:
@@ -89,7 +96,7 @@ def recognise(source: Source) -> bool:
         return False  # center_x and nose_x: a wide table
     if not {"x", "y", *given} & found.keys() - {"t"} and any(_is_place_of_a_body(name) for name in header):
         return False  # a_x, a_y and an angle: it is not the angle alone
-    if "t" not in found and "frame" not in found:
+    if not {"t", "frame", "step"} & found.keys():
         # each row of a body is its next frame, where columns are called x and y and nothing else, or an angle, or said
         # to be
         said = any(key in given or words(found.get(key, "")) == [key] for key in ("x", "y")) or "angle" in found
@@ -147,8 +154,10 @@ def read(source: Source, options: Options) -> Found:
     body = table.texts(found["body"]) if "body" in found else None
     notes: list[str] = []
     passed = passed_over(table, found, options, given)
-    if not passed and ("t" in found or "frame" in found or options.fps is None):
+    if not passed and ({"t", "frame"} & found.keys() or options.fps is None):
         t, counts, time = clock(table, found, options)
+        if not {"t", "frame"} & found.keys():  # else it had no clock at all
+            notes.append(f"{found['step']} has times from row to row: their sum is the clock")
     else:
         t, counts, time = frames_by_row(body, len(table), notes, passed), "frame", None
     if not any(key in found for key in ("x", "y", "angle")):

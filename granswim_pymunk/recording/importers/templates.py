@@ -256,8 +256,9 @@ def _pin_of(name: str, tracks: Tracks, given: Mapping[str, Any], gravity: tuple[
         swing, g = last_swing_of(*tracks.turned(name)), math.hypot(*gravity)
         length = math.nan if swing is None or not g else rod_of(swing, g, across=False)
         if swing is None or not math.isfinite(length):
+            few = f"{name} is seen in {len(xy)} frames, too few to tell its rod from"
             only = f"only the angle of {name} is measured, and no period can be told"
-            raise InputError(f"{only}: {ask}", where="scene pendulum")
+            raise InputError(f"{few if len(xy) else only}: {ask}", where="scene pendulum")
         return _hung(name, anchor, length, given, _by_period(swing, g, "the angle"))
     flat = [axis for axis in (0, 1) if np.ptp(xy[:, axis]) == 0]
     if len(flat) == 1:
