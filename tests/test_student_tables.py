@@ -53,6 +53,13 @@ class TestAnglesOfSeveralBodies:
         read = read_recording(tmp_path / "out")
         np.testing.assert_allclose(read.angle, np.stack([LEFT, RIGHT], axis=1), atol=1e-12)
 
+    @pytest.mark.parametrize("scene", ["cart", "pendulum"])
+    def test_a_body_that_the_file_has_not_is_said(self, tmp_path, scene):
+        """A cart that no marker is called after was asked for its rail."""
+        source = write(tmp_path, "t,left_x,left_y,right_x,right_y", T, LEFT, RIGHT, RIGHT + 1, LEFT)
+        with pytest.raises(InputError, match="A is not in the file, whose bodies are: left, right"):
+            import_recording(source, bodies=["A:3cm:1kg"], scene=scene)
+
     def test_few_rows_are_no_angle_alone(self, tmp_path):
         source = write(tmp_path, "t,x,y", T[:6], np.sin(LEFT[:6]), -np.cos(LEFT[:6]))
         with pytest.raises(InputError, match="bob is seen in 6 frames, too few to tell its rod from: say how long"):

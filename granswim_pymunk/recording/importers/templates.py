@@ -21,6 +21,7 @@ from ...errors import InputError
 from ...laws import get_law
 from .periods import Swing, last_swing_of, rod_of, swing_of
 from .plausible import SWINGS_OFF
+from .table import some_of
 
 G = 9.81
 MARGIN = 0.05  # part of a length by which recalibration may move it
@@ -43,6 +44,11 @@ class Tracks:
         own = (np.array(self.body) == name) & np.isfinite(self.x) & np.isfinite(self.y)
         order = np.argsort(self.t[own], kind="stable")
         return self.t[own][order], np.stack([self.x[own], self.y[own]], axis=-1)[order]
+
+    def why_unseen(self, name: str, otherwise: str) -> str:
+        """What is said of a body of which too little is seen: that the file has no such body, or ``otherwise``."""
+        bodies = list(dict.fromkeys(self.body))
+        return otherwise if name in bodies else f"{name} is not in the file, whose bodies are: {some_of(bodies, 8)}"
 
     def turned(self, name: str) -> tuple[np.ndarray, np.ndarray]:
         """Times (k,) and angles (k,) where the angle of the body is seen, in the order of time."""
@@ -258,7 +264,8 @@ def _pin_of(name: str, tracks: Tracks, given: Mapping[str, Any], gravity: tuple[
         if swing is None or not math.isfinite(length):
             few = f"{name} is seen in {len(xy)} frames, too few to tell its rod from"
             only = f"only the angle of {name} is measured, and no period can be told"
-            raise InputError(f"{few if len(xy) else only}: {ask}", where="scene pendulum")
+            hardly = f"{few if len(xy) else only}: {ask}"
+            raise InputError(tracks.why_unseen(name, hardly), where="scene pendulum")
         return _hung(name, anchor, length, given, _by_period(swing, g, "the angle"))
     flat = [axis for axis in (0, 1) if np.ptp(xy[:, axis]) == 0]
     if len(flat) == 1:
@@ -453,9 +460,8 @@ def _cart(tracks: Tracks, bodies: list[dict[str, Any]], laws: list[dict[str, Any
         if direction is None:
             _, xy = tracks.of(name)
             if len(xy) < 3:
-                raise InputError(
-                    f"{name} is hardly seen: say its rail, as --law 'rail:{name},direction=1 0'", where="scene cart"
-                )
+                hardly = f"{name} is hardly seen: say its rail, as --law 'rail:{name},direction=1 0'"
+                raise InputError(tracks.why_unseen(name, hardly), where="scene cart")
             direction = [_round(float(v)) for v in _line_of(xy)]
             notes.append(f"{name} moves along ({direction[0]:.4g}, {direction[1]:.4g}): its rail")
         rails.append({"name": "rail", "bodies": [name], "direction": direction})
