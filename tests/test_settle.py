@@ -347,7 +347,8 @@ def test_a_claim_is_settled_with_its_own_segments(monkeypatch):
         raise StopIteration
 
     monkeypatch.setattr(model, "with_limits", limits)
-    one, cut = SimpleNamespace(segments={"r": [0]}), SimpleNamespace(segments={"r": [0, 1]})
+    one, cut = object.__new__(Fitter), object.__new__(Fitter)
+    one.segments, cut.segments = {"r": [0]}, {"r": [0, 1]}
     tracks = object.__new__(model.Tracks)
     tracks.fitter, tracks.study = one, SimpleNamespace(fitter=cut, late=lambda share: False)
     tracks.tried, tracks.spread = SimpleNamespace(recalibrated=SimpleNamespace(values=())), 1.0
