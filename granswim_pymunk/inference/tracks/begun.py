@@ -108,7 +108,7 @@ def _first_free(study: Study, tried: FittedAlone, case: Case, out: bool) -> int:
         plain, with_laws = _without(study, tried.recalibrated, case, counts[-1])
         fits = [plain, *with_laws]
         if all(fit.excess for fit in fits):
-            return _beside_the_rest(study, tried, case, counts)  # something is missing all along
+            return _beside_the_rest(study, tried, case, counts, plain)  # something is missing all along
         left = _left(case, case.training, counts, fits, study.predictor, study.stop, stages=study.stages)
     except Failed:
         return 0
@@ -131,27 +131,24 @@ def _first_free(study: Study, tried: FittedAlone, case: Case, out: bool) -> int:
     return begun.first if asks else 0
 
 
-def _beside_the_rest(study: Study, tried: FittedAlone, case: Case, counts: Sequence[int]) -> int:
+def _beside_the_rest(study: Study, tried: FittedAlone, case: Case, counts: Sequence[int], late: Fit) -> int:
     """How many first frames leave far more than all later ones do, where these leave more than noise, too.
 
     Each of their numbers leaves ``ReleaseCriteria.away`` squared times as much as a later one, whatever law that has a
     name is fitted to them, and as much more than the next ones do when they are left out: what is missing later on is
     missing all along, and a law that shows most at first shows a little less from frame to frame. Raises Failed.
+
+    late : the scene without a law, fitted to all but the most first frames
     """
-
-    def left(of: Sequence[int]) -> list[_Left]:
-        how = {"stages": study.stages}
-        found = _left(case, case.training, of, [tried.recalibrated], study.predictor, study.stop, **how)
-        return [each[0] for each in found]
-
     # a lens bends to whatever a hand does
     fits = [tried.recalibrated, *(t.fit for t in tried.alive if t.fit is not None and not t.special)]
     named = min(float(np.nansum(fit.white[case.name] ** 2)) for fit in fits)
-    far, (last,) = current().release.away ** 2, left(counts[-1:])
-    size = max(last.chi2 / max(last.count, 1), 1.0)
-    if named - last.chi2 < far * size * counts[1]:
+    far, size = current().release.away ** 2, max(late.chi2 / max(late.count, 1), 1.0)
+    if named - late.chi2 < far * size * counts[1]:
         return 0
-    every = [*left(counts[:-1]), last]
+    plain = [tried.recalibrated]
+    left = _left(case, case.training, counts, plain, study.predictor, study.stop, stages=study.stages)
+    every, last = [each[0] for each in left], left[-1][0]
     begun = min(every, key=lambda w: w.chi2 / size + far * w.gone)
     if not every[0].gone < begun.gone < last.gone:
         return 0
