@@ -16,7 +16,7 @@ from .. import distributions as stats
 from ..errors import InputError
 from ..joints import hinged
 from ..laws import Law
-from ..recording import Recording
+from ..recording import Recording, grid
 from ..scene import Scene, use
 from ..walls import gap_to_wall
 from .criteria import current
@@ -211,19 +211,8 @@ def estimate_noise(t: np.ndarray, values: np.ndarray) -> float:
 
 
 def grid_of(values: np.ndarray) -> float:
-    """The step of the grid that all of the values (T,) lie on (whole pixels), 0 where they lie on none.
-
-    Values that are written to few digits are off their grid by as much, and so is the least of their differences: each
-    difference of neighbouring levels tells how many steps it is, and all of them together tell the step.
-    """
-    step = least_step(values)
-    if not step:
-        return 0.0
-    levels = np.unique(values)
-    away = levels - levels[0]
-    count = np.cumsum(np.round(np.diff(away, prepend=0.0) / step))
-    step = float(count @ away / (count @ count))
-    return step if np.abs(away / step - count).max() < current().noise.on_grid else 0.0
+    """``recording.grid.grid_of``, by the criteria of the diagnosis."""
+    return grid.grid_of(values, current().noise.same_level, current().noise.on_grid)
 
 
 def coarse_grid(t: np.ndarray, values: np.ndarray) -> float:
@@ -250,14 +239,8 @@ def last_place(values: np.ndarray) -> float:
 
 
 def least_step(values: np.ndarray) -> float:
-    """The least difference between two of the values (T,) that are not the same, 0 where all are.
-
-    Values that are not written more finely differ by no less. Pixels of a picture that was straightened lie on no grid.
-    """
-    levels = np.unique(values)
-    steps = np.diff(levels)
-    steps = steps[steps > current().noise.same_level * np.ptp(values)] if len(levels) > 1 else steps
-    return float(steps.min()) if len(steps) else 0.0
+    """``recording.grid.least_step``, by the criteria of the diagnosis."""
+    return grid.least_step(values, current().noise.same_level)
 
 
 def _scatter(t: np.ndarray, values: np.ndarray, share: float = 0.5) -> float:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial import cKDTree
 
+from ..grid import grid_of
 from ..recording import Recording
 from .plausible import bounced, doubts
 from .table import some_of
@@ -79,15 +80,8 @@ def noise_of(values: np.ndarray) -> float:
 
 
 def _as_written(values: np.ndarray) -> float:
-    """``noise_of``, and no less than rounding to the least step of the values leaves, a step over root twelve."""
-    noise, values = noise_of(values), values[np.isfinite(values)]
-    steps = np.diff(np.unique(values))
-    steps = steps[steps > 1e-9 * np.ptp(values)] if len(steps) else steps
-    if not len(steps):
-        return noise
-    off = (values - values[0]) / steps.min()
-    rounded = np.abs(off - np.round(off)).max() < 1e-3
-    return max(noise, float(steps.min()) / math.sqrt(12)) if rounded else noise
+    """``noise_of``, and no less than rounding leaves of values on a grid, a step over root twelve."""
+    return max(noise_of(values), grid_of(values[np.isfinite(values)]) / math.sqrt(12))
 
 
 def _shown_again(recording: Recording) -> np.ndarray:

@@ -1,0 +1,36 @@
+"""Values that lie on a grid: whole pixels, counts of an encoder, readings that were rounded."""
+
+from __future__ import annotations
+
+import numpy as np
+
+
+def least_step(values: np.ndarray, same: float = 1e-9) -> float:
+    """The least difference between two of the values (T,) that are not the same, 0 where all are.
+
+    Values that are not written more finely differ by no less. Pixels of a picture that was straightened lie on no grid.
+
+    same : of their range, below which two are one that arithmetic has split
+    """
+    levels = np.unique(values)
+    steps = np.diff(levels)
+    steps = steps[steps > same * np.ptp(values)] if len(levels) > 1 else steps
+    return float(steps.min()) if len(steps) else 0.0
+
+
+def grid_of(values: np.ndarray, same: float = 1e-9, off: float = 0.01) -> float:
+    """The step of the grid that all of the values (T,) lie on (whole pixels), 0 where they lie on none.
+
+    Values that are written to few digits are off their grid by as much, and so is the least of their differences: each
+    difference of neighbouring levels tells how many steps it is, and all of them together tell the step.
+
+    same : as for ``least_step``;  off : of a step, by which none is farther off the grid
+    """
+    step = least_step(values, same)
+    if not step:
+        return 0.0
+    levels = np.unique(values)
+    away = levels - levels[0]
+    count = np.cumsum(np.round(np.diff(away, prepend=0.0) / step))
+    step = float(count @ away / (count @ count))
+    return step if np.abs(away / step - count).max() < off else 0.0
