@@ -20,6 +20,7 @@ CONTACTS = ("contact_linear", "contact_hertz")
 CHAIN_LAWS = ("union", "bending")
 FIELDS = (
     "gravity", "uniform_force", "linear_drag", "quadratic_drag", "coulomb_substrate", "confinement", "spring",
+    "curved_surface",
 )  # fmt: skip
 # drags and friction of substrate and joints: in the exact scheme they see the velocity of the positions' time
 DAMPED = (
@@ -377,6 +378,9 @@ class Forces:
             return -values["mu"] * mass * self.scene.gravity_size * v / np.where(smooth > 0, smooth, 1.0)
         if item.name == "confinement":
             return -values["mu_eff"] * values["mean_mass"] * 9.81 * values["layers"] * v
+        if item.name == "curved_surface":
+            bent = np.array({0: [1.0, 1.0], 1: [1.0, 0.0], 2: [0.0, 1.0]}[int(values["bent"])])
+            return -mass * self.scene.gravity_size * values["curvature"] * bent * (xy - np.array(values["centre"]))
         # a spring to an anchor
         r = xy - np.array(values["anchor"])
         distance = np.hypot(r[:, 0], r[:, 1])[:, None]

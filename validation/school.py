@@ -11,6 +11,7 @@ Experiments of an afternoon, with what a film of them has; what is missing in th
 - ``hard``: a cart on a spring that stiffens;  ``dry``: a cart on a spring that rubs;  ``rests``: one that stops
 - ``slips``: a block that a motor draws by a spring, and that sticks and slips;  ``limit``: a motor at its limit
 - ``carts``: two carts with magnets on one rail;  ``drawn``: two pucks that attract each other as they pass
+- ``bent``: a cart goes up a track that is bent, and comes back;  ``sags``: a puck on a table that sags
 - ``loaded``: pucks in a box, one of them loaded;  ``rack``: five balls on a table with cushions
 - ``still``, ``quiet``: a pendulum and a box of pucks in which nothing is missing
 
@@ -28,7 +29,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from granswim_pymunk.scene import Body, LawUse, Scene, Wall, use
+from granswim_pymunk.scene import Adjustable, Body, LawUse, Scene, Wall, use
 
 from . import hard_disks
 from .lab import UNKNOWN, Experiments, G, Made, as_filmed, film_errors, main, truth_of
@@ -236,9 +237,11 @@ def swung(force: Callable[[float, float], float], t: np.ndarray) -> np.ndarray:
     return path_of(lambda y: np.array([y[1], (force(*y) - SPRING * y[0]) / CART]), [0.12, 0.0], t)[:, 0]
 
 
-def rubbed(x: float, pull: Callable[[float, float], float], mu: float, drag: float, t: np.ndarray) -> np.ndarray:
-    """(T,) places or angles x, at first at rest, that ``pull`` (t, x) [1/s^2] draws, held by friction up to mu g."""
-    dt, v, most = 1 / 20000, 0.0, mu * G
+def rubbed(
+    x: float, pull: Callable[[float, float], float], mu: float, drag: float, t: np.ndarray, v: float = 0.0
+) -> np.ndarray:
+    """(T,) places or angles x, at first at rate v, that ``pull`` (t, x) [1/s^2] draws, held by friction up to mu g."""
+    dt, most = 1 / 20000, mu * G
     seen = np.empty(int(t[-1] / dt) + 2)
     for k in range(len(seen)):
         seen[k] = x
@@ -271,6 +274,29 @@ def rests(rng: np.random.Generator, name: str) -> Made:
     x = rubbed(0.12, lambda _, x: -SPRING / CART * x, mu, c / CART, t)
     truth = [("coulomb_substrate", {"mu": mu}), ("linear_drag", {"c": c})]
     return on_spring(rng, name, x, t, truth, "it stops")
+
+
+def bent(rng: np.random.Generator, name: str) -> Made:
+    mu, curvature, t = rng.uniform(0.002, 0.004), rng.uniform(0.003, 0.006), frames(6.0, 30)
+    slope, middle = rng.uniform(0.2, 0.24), 0.6
+    x = rubbed(0.0, lambda _, x: -slope - G * curvature * (x - middle), mu, 0.0, t, v=0.75)
+    truth = [("coulomb_substrate", {"mu": mu}), ("curved_surface", {"curvature": curvature})]
+    xy = np.column_stack([x, np.zeros(len(t))])[:, None]
+    laws = [use("rail", direction=(1.0, 0.0)), use("uniform_force", a=(-0.22, 0.0))]
+    told = (Adjustable("uniform_force", "a_x", -0.3, -0.1),)
+    cart = [Body("cart", "free", 0.05, 0.5)]
+    return made(rng, name, t, xy, cart, laws, truth, "up a track and back", 2e-4, adjustable=told)
+
+
+def sags(rng: np.random.Generator, name: str) -> Made:
+    c, curvature, mass, t = rng.uniform(0.003, 0.006), rng.uniform(0.004, 0.008), 0.03, frames(5.0, 60)
+
+    def slope(y: np.ndarray) -> np.ndarray:
+        return np.concatenate([y[2:], [-G * curvature * y[0], 0.0] - c / mass * y[2:]])
+
+    path = path_of(slope, [-0.4, -0.2, rng.uniform(0.3, 0.4), 0.15], t)
+    truth = [("linear_drag", {"c": c}), ("curved_surface", {"curvature": curvature})]
+    return made(rng, name, t, path[:, None, :2], [Body("puck", "free", 0.03, mass)], [], truth, "on a long table", 2e-4)
 
 
 def halts(rng: np.random.Generator, name: str) -> Made:
@@ -401,7 +427,7 @@ def quiet(rng: np.random.Generator, name: str) -> Made:
 
 ALL = (
     sink, wind, spin, incline, bounce, cradle, coupled, lens, hard, dry, limit, carts, loaded, still, quiet, rests,
-    slips, halts, gale, drawn, rack,
+    slips, halts, gale, drawn, rack, bent, sags,
 )  # fmt: skip
 EXPERIMENTS: Experiments = {make.__name__: make for make in ALL}
 

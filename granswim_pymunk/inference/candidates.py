@@ -174,7 +174,7 @@ def constants(law: Law, cases: Sequence[Case]) -> dict[str, Any]:
     """
     if law.kind == "joint":
         return _smooth_below(law, cases)
-    if law.candidate != "flexible":
+    if law.candidate not in ("flexible", "beside"):
         return {}
     names = {p.name for p in law.parameters}
     result: dict[str, Any] = {}
@@ -193,7 +193,7 @@ def constants(law: Law, cases: Sequence[Case]) -> dict[str, Any]:
         if len(every):
             result["centre"] = tuple(float(v) for v in every.mean(axis=0))
             result["size"] = float(max(np.ptp(every, axis=0).max() / 2, 1e-9))
-    return result
+    return {name: value for name, value in result.items() if name in names}
 
 
 def _smooth_below(law: Law, cases: Sequence[Case]) -> dict[str, Any]:
@@ -455,6 +455,18 @@ def named_terms(cases: Sequence[Case], *, each: bool = True) -> list[Term]:
         if several and each and (_is_push(law) or _is_inertia(law)):
             terms += _on_one_body(law, cases)
     return terms
+
+
+def beside_terms(cases: Sequence[Case]) -> list[Term]:
+    """Candidates that have a name, and stand beside another law alone: the surface on which bodies slide is curved.
+
+    Not where something holds a body to a place, whose strength it would be, nor of what flies or swims.
+    """
+    scenes = [c.recording.scene for c in cases]
+    held = any(s.laws_as(role) for s in scenes for role in HOLDING if role != "guide")
+    other = any(s.chains or s.periodic_x or s.bed is not None or _flies(s) for s in scenes)
+    laws = [law for law in all_laws().values() if law.candidate == "beside" and not (held or other)]
+    return [t for law in laws if applies(law, cases) for t in law_terms(law, cases, each=False)]
 
 
 def unseen_terms(cases: Sequence[Case]) -> list[Term]:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
-from ..laws import all_laws
+from ..laws import all_laws, has_role
 from .criteria import current
 
 # name to (how a sentence calls it, what its parameter means)
@@ -33,6 +33,16 @@ def nameless(mechanism: str) -> bool:
     """Whether it is a form without a name: a force smooth in place, speed or time, a free response to a command."""
     declared = all_laws().get(mechanism)
     return mechanism == UNKNOWN or (declared is not None and declared.candidate == "flexible")
+
+
+def field_alone(mechanisms: Iterable[str]) -> bool:
+    """Whether laws make no more than a force that is smooth in place: a curved surface, with or without a push.
+
+    Any such force is that to first order, so that they name nothing where no other law stands beside them.
+    """
+    names = [*mechanisms]
+    beside = [law is not None and law.candidate == "beside" for law in map(all_laws().get, names)]
+    return any(beside) and all(b or has_role(m, "push") for b, m in zip(beside, names, strict=True))
 
 
 def plainly(mechanism: str) -> str:

@@ -224,7 +224,7 @@ def _better_of(
         if not fails and (fault or found.unlike or not sure) and not model.predicts_better(held, found):
             continue
         # where little is known of the numbers any error is one that they may have: that is no merit
-        if not fails and model.predicts_better(found, held):
+        if not fails and (model.predicts_better(found, held) or _less(found, held)):
             continue
         better.append((other, found, notes))
         if sure and not found.unlike:
@@ -232,6 +232,11 @@ def _better_of(
     if not sure and within:
         better = [entry for entry in better if not entry[1].beyond]
     return better, last
+
+
+def _less(found: HeldOut, held: HeldOut) -> bool:
+    """Whether held-out data gain less by what was found than by what was held, in chi2."""
+    return found.gain is not None and held.gain is not None and found.gain < held.gain
 
 
 def turned_down_if_bent(judged: Judgement, held: HeldOut) -> HeldOut:
@@ -275,21 +280,28 @@ def names_for_a_form(
     """What stands where held-out data turn down a form without a name that was told in place of names.
 
     Such a form is no rival to them: training data are asked again without it. What is then told has to be borne out by
-    held-out data; where nothing is, all is as it was.
+    held-out data; where nothing is, all is as it was. Held-out data that are off by more than numbers of the form can
+    leave turn it down for names alone, with which they have to be predicted better than with the form.
     """
-    if held.outcome != "fails" or not judged.claim.nameless or not judged.closest:
+    fails = held.outcome == "fails"
+    if not (fails or held.unlike) or not judged.claim.nameless or not judged.closest:
         return judged, held
     weighed, told, tried = model.weigh(claim), len(model.notes), list[str]()
     other, found = judged, held
-    while found.outcome == "fails" and other.claim.nameless and other.claim.label not in tried:
+    while other.claim.nameless and other.claim.label not in tried and (found.outcome == "fails" or not fails):
         tried.append(other.claim.label)
         weighed = weighed.without(other.claim.label)
         other = judge(claim, weighed, model.mismatch(claim), model.plain, model.notes)
         other = other if other.claim.nameless else model.settle(other)
-        found = model.hold_out(other) if other.claim.laws else held
-    if other.claim.laws and found.outcome == "holds":
-        forms = " and ".join(map(plainly, tried))
-        model.notes.append(f"held-out data are predicted worse with {forms} than without, and better with what is told")
+        looked = other.claim.laws and (fails or not other.claim.nameless)
+        found = model.hold_out(other) if looked else held
+    borne_out = found is not held and found.outcome == "holds"
+    if other.claim.laws and borne_out and (fails or model.predicts_better(held, found)):
+        forms, than = " and ".join(map(plainly, tried)), "without" if fails else "with what is told"
+        better = ", and better with what is told" if fails else ""
+        not_named_then = f"{claim.label} {claim.are} not named: "
+        model.notes[:] = [note for note in model.notes if not note.startswith(not_named_then)]
+        model.notes.append(f"held-out data are predicted worse with {forms} than {than}{better}")
         return other, found
     del model.notes[told:]
     # what the model keeps of its last look belongs to the form again

@@ -220,6 +220,7 @@ ROLES = {
     "drag": "against a medium at rest",
     "medium": "a drag against a medium that moves",
     "push": "the same on all bodies, always",
+    "surface": "the slope of what bodies slide or roll on",
     "pendulum": "a body swings about a place",
     "guide": "a body moves along a line",
     "bar": "holds the centres of two bodies apart",
@@ -253,7 +254,8 @@ class Law:
     reach: str | None = None
     # the parameters that make up the strength: zero (their ``neutral`` value) means that the law is absent
     strength: tuple[str, ...] = ()
-    # may be proposed as physics that a scene lacks: "named", or "flexible" (a form that names nothing)
+    # may be proposed as physics that a scene lacks: "named", "beside" (a name that stands beside another alone: any
+    # smooth force has a part of it), or "flexible" (a form that names nothing)
     candidate: str = ""
     # how a sentence calls it: "a uniform force"; its name where empty
     phrase: str = ""

@@ -41,7 +41,7 @@ from ..judge import (
     remains_of,
     unexplained,
 )
-from ..mechanisms import CLAIMED, NOTHING, UNKNOWN, plainly
+from ..mechanisms import CLAIMED, NOTHING, UNKNOWN, field_alone, plainly
 from ..model import Course, HeldOut, Left, ObservationModel, Proposal, Rival
 from ..noise import LikelyNoise, squares_in_slow_noise
 from ..pipeline import diagnose_by, judged_by_training
@@ -541,6 +541,8 @@ class Tracks(ObservationModel):
             laws = self._unnamed(laws, doubtful, fit, MAY_BE_ABSENT)
         sure = [t.label for t in laws if not any(t is u for u in doubtful)]
         fit = with_none_beyond(fit, sure, self.spread)
+        if field_alone(t.mechanism for t in laws):
+            return not_named(judged.claim, self.weighed, self.plain)
         # a law that is no longer named may have been the only one that is no fault of the apparatus
         return self._with_its_notes(
             self._by_names_alone(
@@ -683,6 +685,8 @@ class Tracks(ObservationModel):
     def parts(self, judged: Judgement) -> Sequence[Claim]:
         plain, fit, found = self.tried.recalibrated, judged.claim.fit, list[Claim]()
         for law, rows in zip(judged.claim.laws, rows_of(judged.claim.laws, len(plain.values)), strict=True):
+            if field_alone([law.mechanism]):
+                continue
             values = [*fit.values[: len(plain.values)], *fit.values[rows]]
             alone = self.fitter.fit(plain.hypothesis.with_term(law.term), values, fit.starts)
             trial = replace(law, fit=alone, gain=plain.chi2 - alone.chi2)
@@ -912,7 +916,7 @@ class Tracks(ObservationModel):
         if self.beside_more is None or judged.verdict not in CLAIMED:
             return judged
         ended = {t.label: why for t in laws if (why := reaches_its_end(t, self.beside_more, self.spread))}
-        if not 0 < len(ended) < len(laws):
+        if field_alone(t.mechanism for t in laws if t.label not in ended) or len(ended) in (0, len(laws)):
             return judged
         for trial in [t for t in laws if t.label in ended]:
             laws = self._unnamed(laws, [trial], judged.claim.fit, f"beside one more law {ended[trial.label]}")

@@ -13,7 +13,7 @@ from ...laws import all_laws, has_role
 from ..candidates import fastest_of, in_contact_alone, is_damping
 from ..criteria import current
 from ..hypothesis import Failed, Free, Hypothesis, Term
-from ..mechanisms import APPARATUS
+from ..mechanisms import APPARATUS, field_alone
 from ..significance import price
 from ..trial import pair_gains, rows_of
 from .choose import absurd, choose, of_laboratories, ordinary, worth
@@ -102,7 +102,7 @@ def third_law(search: SetSearch, found: list[Trial], revised: Fit) -> tuple[list
     """Add a third law to two where it is significant, predicts better and leaves the other two their place."""
     if len(found) != 2:
         return found, revised
-    apart = [t for t in search.terms if not any(any_field(f.term, t, search.terms) for f in found)]
+    apart = [t for t in search.terms if not _any_field_of(found, t, search.terms)]
     two, alone, best = _one_more(search, found, revised, apart)
     if best is None or best.fit is None:
         return two, alone
@@ -556,11 +556,20 @@ def any_field(a: Term, b: Term, terms: Sequence[Term]) -> bool:
     """
     if any(has_role(t.mechanism, "source") for t in (a, b)) and (_at_a_distance(a) or _at_a_distance(b)):
         return True
+    if field_alone((a.mechanism, b.mechanism)):
+        return True
     pushes = [t for t in (a, b) if has_role(t.mechanism, *PUSHES)]
     if len(pushes) != 1:
         return len(pushes) == 2
     other = b if pushes[0] is a else a
     return is_part(pushes[0], terms) and not (goes_with_speed(other) or in_contact_alone(other))
+
+
+def _any_field_of(found: Sequence[Trial], term: Term, terms: Sequence[Term]) -> bool:
+    """The same of a law beside several; a push and a curved surface are none beside what is no field itself."""
+    fields = [t for t in found if any_field(t.term, term, terms)]
+    flat = all(field_alone((t.mechanism, term.mechanism)) for t in fields)
+    return bool(fields) and not (flat and len(fields) < len(found))
 
 
 def _at_a_distance(term: Term) -> bool:

@@ -9,10 +9,11 @@ import numpy as np
 
 from ... import distributions as stats
 from ...recording import Recording
-from ..candidates import flexible_terms, named_terms, scaled_like
+from ..candidates import beside_terms, flexible_terms, named_terms, scaled_like
 from ..criteria import current
 from ..data import Case, left_out, prepare_all
 from ..hypothesis import Hypothesis, Predictor, Term, adjustable_terms
+from ..mechanisms import field_alone
 from ..noise import Noise, left_alone, single_ones
 from ..result import NOT_TRIED, PAIRS, Progress
 from ..significance import Null, at_alarm, price
@@ -538,7 +539,9 @@ class Explanation:
 def search_with(study: Study, tried: FittedAlone, fitter: Fitter) -> SetSearch:
     """The search of several laws, where segments join as they do for ``fitter``."""
     base, inner = tried.recalibrated, study.inner
-    return SetSearch(base, fitter, tried.terms, study.training, inner, tried.inner, study.rng, study.notes)
+    asked = beside_terms(study.cases)
+    beside = [scaled_like(t, s.term) for t, s in zip(asked, make_bank(fitter, base, asked).signatures, strict=True)]
+    return SetSearch(base, fitter, [*tried.terms, *beside], study.training, inner, tried.inner, study.rng, study.notes)
 
 
 def explained_by(study: Study, tried: FittedAlone, chosen: Trial | None) -> Explanation:
@@ -596,6 +599,8 @@ def explained_by(study: Study, tried: FittedAlone, chosen: Trial | None) -> Expl
         near = [*gave_way, *(r for r in near if r[0].mechanism not in named)]
         found, revised, gone = that_earn_their_place(search, found, revised)
         dropped |= gone
+    if field_alone(t.mechanism for t in found):
+        return Explanation([], recalibrated, dropped)
     return Explanation(found, revised, dropped, near, others)
 
 

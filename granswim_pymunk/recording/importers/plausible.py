@@ -13,10 +13,11 @@ from scipy.special import ellipk
 
 from ...joints import arm_of
 from ..recording import Recording
-from .periods import ROUND, swing_of
+from .periods import ROUND, last_swing_of
 
 FALLS_OFF = 1.5  # times gravity, either way, from which a fall is told: drag and buoyancy take away less at the start
 FALLS_TOLD = 0.1  # of gravity, from which a fall that is too fast is told where its course is that of a fall
+UPWARDS = 0.3  # of gravity, from which a fall the other way is that of a y which counts downwards
 COURSE_LEFT = (3.0, 3e-3)  # times the noise, and part of the height, that such a course leaves
 SWINGS_OFF = 1.5  # of the square of a period: the inertia of a rod about its end makes it 2/3
 OFF_RAIL = 0.1  # of the way along a rail, as far across; a bent picture of a straight one has a few hundredths
@@ -140,6 +141,11 @@ def _fall(recording: Recording, k: int, name: str, gravity: float, noise: float)
         if told is None:
             return ""
         rate = told
+    if rate < -UPWARDS * gravity:
+        return (
+            f"{name} falls upwards, with {-rate:.3g} m/s^2: does y count downwards, as in a picture (--flip-y 0, or "
+            "--flip-y HEIGHT with the picture's height in the file's unit)?"
+        )
     fps, unit = "", ""
     if rate > 0.01 * gravity:
         fps, unit = f", times {math.sqrt(gravity / rate):.3g}", f", times {gravity / rate:.3g}"
@@ -193,7 +199,7 @@ def _swing(recording: Recording, k: int, name: str, gravity: float) -> str:
         angle = np.arctan2(x, -y)
     seen = np.isfinite(angle)
     t, angle = recording.t[seen], np.unwrap(angle[seen])
-    swing = swing_of(t, angle)
+    swing = last_swing_of(t, angle)
     if swing is None or swing.amplitude > ROUND:
         return ""
     period = swing.period

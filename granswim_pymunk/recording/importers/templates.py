@@ -26,6 +26,8 @@ from .table import some_of
 G = 9.81
 MARGIN = 0.05  # part of a length by which recalibration may move it
 AGREE = 0.003  # to which the lengths of an arc and a period agree with 9.81 m/s^2 anywhere: g is 9.780 to 9.832
+NO_CIRCLE = 0.03  # of a rod's length, that a path is off a circle; lenses, and cameras at an angle, bend one by less
+CLEARLY = 5.0  # times the noise, that it is off at least
 SWING_LEFT = 0.2  # of what a coordinate alone goes, that a swing which is its course may leave
 
 
@@ -291,7 +293,22 @@ def _pin_of(name: str, tracks: Tracks, given: Mapping[str, Any], gravity: tuple[
     agree = "length" in given or (refined is not None and abs(refined[1] / length - 1) < 5 * error)
     if refined is not None and agree:
         (anchor, length), how = refined, "its arc and its period"
-    return _hung(name, anchor, length, given, f"by {how}{told}")
+    return _hung(name, anchor, length, given, f"by {how}{told}{_no_circle(np.hypot(*(xy - anchor).T), length)}")
+
+
+def _no_circle(far: np.ndarray, length: float) -> str:
+    """What is added where distances (k,) [m] from the anchor are those of no rod; empty where they are.
+
+    Noise is what neighbouring distances differ by.
+    """
+    off = float(np.sqrt(np.mean(np.square(far - length))))
+    noise = float(np.median(np.abs(np.diff(far, n=2)))) / (0.6745 * math.sqrt(6)) if len(far) > 2 else math.inf
+    if off < max(NO_CIRCLE * length, CLEARLY * noise):
+        return ""
+    return (
+        f"; but its path is no circle: it is {off:.2g} m off that one (rms). Does another thing than a rod hold it (a "
+        "bowl, a spring, a string that slackens), or is the picture bent, or seen at an angle?"
+    )
 
 
 def _hung(name: str, anchor: np.ndarray, length: float, given: Mapping[str, Any], how: str) -> tuple[dict, str]:
