@@ -1073,3 +1073,12 @@ def test_a_frame_rate_is_that_of_all_rounded_stamps_together(rate, digits, frame
 
 def test_a_frame_rate_of_uneven_stamps_is_one_over_the_usual_step():
     assert frame_rate(np.array([0.0, 0.1, 0.2, 0.34, 0.44, 0.58, 0.72])) == pytest.approx(1 / 0.12)
+
+
+def test_a_frame_rate_where_most_steps_have_lost_a_frame():
+    t = np.round(np.arange(40) / 360, 6)
+    seen = t[np.arange(40) % 3 != 1]
+    assert frame_rate(seen) == pytest.approx(360, rel=1e-4)
+    # a program that writes when it can has no frames
+    uneven = np.cumsum(np.random.default_rng(2).uniform(0.01, 0.03, 60))
+    assert frame_rate(uneven) == pytest.approx(1 / np.median(np.diff(uneven)))

@@ -12,7 +12,8 @@ from granswim_pymunk.inference.candidates import named_terms
 from granswim_pymunk.inference.hypothesis import Free, Hypothesis
 from granswim_pymunk.inference.noise import Noise
 from granswim_pymunk.inference.tracks.choose import score_inner
-from granswim_pymunk.inference.tracks.intervals import _end, with_doubt, with_other_choices
+from granswim_pymunk.inference.tracks.fitted import covariance_of
+from granswim_pymunk.inference.tracks.intervals import _end, _widened, with_doubt, with_other_choices
 from granswim_pymunk.inference.tracks.name import Trial
 from granswim_pymunk.inference.tracks.study import _leaves_noise, _scored_forms
 from granswim_pymunk.recording import film
@@ -149,3 +150,35 @@ def test_through_segments_a_form_behind_a_name_is_not_scored(segmented, scored):
     assert asked == scored and [t.term.label for t in forms] == ["ahead", "behind"]
     assert [math.isfinite(t.inner) for t in forms] == [True, "behind" in scored]
     assert [_leaves_noise(t) for t in laws] == [True, False]
+
+
+def test_a_strength_of_millions_and_its_power_are_known_along_a_valley():
+    """F = s d^-n at distances d: of s alone, in N, hardly anything is told, and that is no reason to know n better."""
+    far = np.linspace(8.0, 12.0, 30)
+    s, n, noise = 3e6, 6.4, 0.02
+    force = s * far**-n
+    moved = np.stack([force / s, -force * np.log(far)], axis=1) / noise
+    covariance = covariance_of(moved.T @ moved)
+    # the same with ln s in place of s, whose matrix is of one size
+    even = np.linalg.inv((moved * [s, 1.0]).T @ (moved * [s, 1.0])) * np.outer([s, 1.0], [s, 1.0])
+    np.testing.assert_allclose(covariance, even, rtol=1e-6)
+    nothing = covariance_of(np.diag([4.0, 0.0]))
+    np.testing.assert_allclose(nothing, np.diag([0.25, 0.0]))
+
+
+def test_a_strength_with_its_power_is_widened_by_a_factor_and_keeps_its_sign():
+    strength = Free("law.s", "N", -math.inf, math.inf, 0.0, 1.0)
+    power = Free("law.n", "1", 0.0, 20.0, 2.0, 1.0, inner=True)
+    term = SimpleNamespace(free=(strength, power))
+    hypothesis = SimpleNamespace(free=(strength, power), terms=(term,))
+    sure = {0: (5.0, 40.0), 1: (1.5, 2.5)}
+    fit = SimpleNamespace(
+        values=np.array([10.0, 2.0]), hypothesis=hypothesis, profiles=sure, limits=sure, believed=None,
+        covariance=np.diag([5.0, 0.05]) ** 2, jacobian={},
+    )  # fmt: skip
+    fit.interval = lambda k, spread: (fit.values[k], *sure[k])
+    half = 1.96 * 5.0
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("granswim_pymunk.inference.tracks.intervals.replace", lambda of, **_: of)
+        low, high = _widened(fit, 0, 1.0, 10.0 - 2 * half, 10.0 + 2 * half)
+    assert low == pytest.approx(10.0 * 0.5**2, rel=1e-3) and high == pytest.approx(10.0 * 4.0**2, rel=1e-3)

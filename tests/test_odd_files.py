@@ -245,7 +245,7 @@ REFUSED = {
     "idtracker.npy": (objects, "Python objects.*not opened.*savez"),
     "phyphox.csv": (
         lambda p: p.write_text(table("Time (s),Acceleration x (m/s^2),Acceleration y (m/s^2)", T, T, T, sign=",")),
-        "no time and positions.*Acceleration x"),
+        "table of rates alone.*Acceleration x.*film it"),
     "other.json": (
         lambda p: p.write_text('{"fps": 50, "tracks": [{"id": 3, "points": [[1, 2]]}]}'), "holds: fps, tracks"),
     "broken.json": (lambda p: p.write_text('{"t": [1, 2'), "not JSON"),

@@ -457,3 +457,56 @@ def test_a_component_of_a_vector_is_adjustable(tmp_path):
     assert (term.free[0].first, term.free[0].unit) == (-0.95, "m/s^2")
     moved, _ = term.apply(recording.scene, {}, [-1.0])
     assert moved.laws_named("uniform_force")[0].values["a"] == (-1.0, 0.1)
+
+
+def said(capsys, *args):
+    code = main(["import", *map(str, args)])
+    told = capsys.readouterr()
+    return code, told.out + told.err
+
+
+def test_columns_are_said_without_their_units(tmp_path, capsys):
+    table = write(tmp_path, "Time A [s],Pos A [mm],Time B [s],Pos B [mm]", T, 100 * LEFT, T, 100 * RIGHT)
+    columns = "t=Time A,A.x=Pos A,B.x=pos b"
+    code, told = said(
+        capsys, table, "--columns", columns, "--scene", "cart", "--body", "*:1cm:10g", "--out", tmp_path / "two"
+    )
+    assert code == 0, told
+    assert read_recording(tmp_path / "two").xy[:, 1, 0] == pytest.approx(0.1 * RIGHT)
+
+
+def test_a_height_as_a_letter_beside_its_error(tmp_path, capsys):
+    table = write(tmp_path, "t,h,h_err", T[:20], 1.5 - 4.9 * T[:20] ** 2, 0.01 + 0 * T[:20])
+    code, told = said(capsys, table, "--scene", "drop", "--body", "ball:2cm:50g", "--out", tmp_path / "fall")
+    assert code == 0 and "falls" not in told, told
+    assert read_recording(tmp_path / "fall").xy[0, 0, 1] == 1.5
+
+
+def test_a_column_of_velocities_that_is_called_a_place_is_told(tmp_path, capsys):
+    table = write(tmp_path, "t,x,vx", T, LEFT, RIGHT)
+    where = ["--scene", "cart", "--body", "a:1cm:10g", "--out", tmp_path / "wrong"]
+    code, told = said(capsys, table, "--columns", "t=t,x=vx", *where)
+    assert code == 0 and "vx is taken for a place, as you say, though by its heading it is a rate" in told
+
+
+@pytest.mark.parametrize("flip", [[], ["--flip-y", "yes"]])
+def test_what_falls_upwards_has_a_y_that_counts_downwards(tmp_path, capsys, flip):
+    t = np.arange(30) / 60
+    y = 0.2 + 4.6 * t**2 + np.random.default_rng(1).normal(0, 5e-4, 30)
+    table = write(tmp_path, "t,x,y", t, 0.5 + 0 * t, y)
+    where = ["--scene", "drop", "--body", "ball:3cm:20g", "--out", tmp_path / "fall"]
+    code, told = said(capsys, table, *where, *flip)
+    assert code == 0 and ("does y count downwards" in told) == (not flip), told
+
+
+def test_a_path_that_is_no_circle_hangs_from_no_rod(tmp_path, capsys):
+    t = np.arange(300) / 60
+    for bowl in (True, False):
+        across = 0.2 * np.cos(9 * t)
+        down = 4.4 * across**2 if bowl else 0.25 - np.sqrt(0.25**2 - across**2)
+        noise = np.random.default_rng(1).normal(0, 3e-4, (2, 300))
+        table = write(tmp_path, "t,x,y", t, across + noise[0], down + noise[1])
+        code, told = said(
+            capsys, table, "--scene", "pendulum", "--body", "ball:1cm:50g", "--out", tmp_path / f"path{bowl}"
+        )
+        assert code == 0 and ("its path is no circle" in told) == bowl, told

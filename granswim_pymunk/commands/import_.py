@@ -32,6 +32,8 @@ def _yes_or_no(text: str) -> bool:
 def _flip(text: str) -> float | bool:
     if text.lower() in ("no", "false", "none"):
         return False
+    if text.lower() in ("yes", "true"):
+        return 0.0
     try:
         return float(text)
     except ValueError:

@@ -80,9 +80,9 @@ def headline(d: Diagnosis) -> str:
         alike = {r["name"] for r in v["rivals"] if r["indistinguishable"]}
         # one is mostly the same law under another name; several are a class, and a class has no one name
         text += f", or one of {len(alike)} other laws that these data cannot tell from it" if len(alike) > 1 else ""
-        return text + "."
+        return f"{text}{_and_more(d)}."
     if v["verdict"] == "measurement":
-        return f"The measurement is off, not the physics: {listed(_named(d, True))}."
+        return f"The measurement is off, not the physics: {listed(_named(d, True))}{_and_more(d)}."
     if v["verdict"] == "unmodelled":
         text, untried = "Something is missing from the scene, and no law known here describes it", not_tried(v)
         if untried:
@@ -109,6 +109,12 @@ def headline(d: Diagnosis) -> str:
     if not v["complete"]:
         return "No missing law is claimed, although what the scene leaves over is not noise."
     return "Nothing is missing: what the scene leaves over is noise."
+
+
+def _and_more(d: Diagnosis) -> str:
+    """The same beside what is named; empty where held-out data are off by no more than its numbers can be."""
+    later = _off_later(d)
+    return f"; {later.replace('something is', 'more is')}" if later else ""
 
 
 def _off_later(d: Diagnosis) -> str:

@@ -24,7 +24,7 @@ from ..hypothesis import Failed, Free, Hypothesis, Predictor
 from ..linear import errors_of
 from ..start import Pendulum
 from ..threads import ContextPool, at_work
-from .fitted import Fit, huber, information_of, passed_at, weight_roots
+from .fitted import Fit, covariance_of, huber, information_of, passed_at, weight_roots
 from .follow import Follower, Slow
 from .segments import Segment, cut_in_pieces, find_cuts, limits_of
 from .solve import Blocks, Problem, Secant, descend, gauss_newton
@@ -737,7 +737,7 @@ class Fitter(Follower):
         """
         size = np.sqrt(sum(np.sum(by_value**2, axis=0) for by_value, _ in fit.jacobian.values()))
         jacobian = {c.name: self._central(c, fit, size) for c in self.cases}
-        return replace(fit, jacobian=jacobian, covariance=np.linalg.pinv(information_of(jacobian, len(fit.values))))
+        return replace(fit, jacobian=jacobian, covariance=covariance_of(information_of(jacobian, len(fit.values))))
 
     def _finish(self, hypothesis, x, numbers, fixed, known: dict[str, Slow] | None = None) -> Fit:
         innovations, white, jacobian, steps = {}, {}, {}, {}
@@ -767,7 +767,7 @@ class Fitter(Follower):
                 self._kept[c.name] = Slow(by_start, by_value[:, believed])
             chi2 += self._loss(c, here)
             count += len(seen)
-        covariance = np.linalg.pinv(information_of(jacobian, p)) if p and not fixed else np.zeros((p, p))
+        covariance = covariance_of(information_of(jacobian, p)) if p and not fixed else np.zeros((p, p))
         return Fit(
             hypothesis, np.array(x), numbers, self.segments, innovations, chi2, count, covariance, jacobian,
             steps=steps, whitened=white,

@@ -197,3 +197,15 @@ def information_of(jacobian: Mapping[str, tuple[np.ndarray, np.ndarray]], p: int
         projected = by_value - project(by_start, by_value)
         information += projected.T @ projected
     return information
+
+
+def covariance_of(information: np.ndarray) -> np.ndarray:
+    """The pseudo-inverse of an information matrix (p, p), each number in a unit of its own size.
+
+    A strength of 1e6 N and its power of 6 are known along a valley; in their own units the longer way of it would be
+    taken for one of which nothing is told, and cut.
+    """
+    size = np.sqrt(np.maximum(np.diag(information), 0.0))
+    size[size == 0] = 1.0
+    scaled = information / np.outer(size, size)
+    return np.asarray(np.linalg.pinv(scaled, hermitian=True) / np.outer(size, size))

@@ -9,6 +9,7 @@ Source: Venzon & Moolgavkar 1988, Applied Statistics 37, 87.
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
@@ -28,7 +29,7 @@ from ..noise import averaged
 from ..significance import half_interval
 from .believed import error_name, with_error
 from .fit import Fitter, side_by_side
-from .fitted import Fit, information_of
+from .fitted import Fit, covariance_of, information_of
 from .innovations import seen_by
 from .signatures import columns_of, stacked
 
@@ -229,7 +230,7 @@ def with_shape_held(fit: Fit, label: str) -> Fit:
         fit,
         hypothesis=Hypothesis((*fit.hypothesis.terms[:at], held, *fit.hypothesis.terms[at + 1 :])),
         values=fit.values[all_kept],
-        covariance=np.linalg.pinv(information_of(fit.jacobian, len(fit.values))[np.ix_(all_kept, all_kept)]),
+        covariance=covariance_of(information_of(fit.jacobian, len(fit.values))[np.ix_(all_kept, all_kept)]),
         jacobian={name: (by_value[:, all_kept], by_start) for name, (by_value, by_start) in fit.jacobian.items()},
         limits={}, profiles={}, believed=None,
     )  # fmt: skip
@@ -307,15 +308,30 @@ def _widened(fit: Fit, k: int, spread: float, below: float, above: float) -> tup
     """The interval of number k, with the ends that a normal number has for another reason.
 
     A profile keeps its shape: where it ends at twice the distance that curvature says, so does the other reason. A
-    strength known together with its power would have both signs otherwise.
+    strength known together with its power would have both signs otherwise: the valley of both is straight in its
+    logarithm, and the distance is one there.
     """
     value, low, high = replace(fit, believed=None).interval(k, spread)
     half = half_interval(float(fit.covariance[k, k]) * spread)
     if k in fit.profiles and half > 0:
         lower, upper = fit.profiles[k]
-        below = value + (below - value) * (value - lower) / half
-        above = value + (above - value) * (upper - value) / half
+        parts = (value - below) / half, (above - value) / half
+        if _of_a_shape(fit, k) and lower * upper > 0 and lower <= value <= upper:
+            most = math.log(sys.float_info.max / max(abs(value), 1.0))
+            below, above = (
+                value * math.exp(min(part * math.log(end / value), most))
+                for part, end in zip(parts, (lower, upper), strict=True)
+            )
+        else:
+            below, above = value - parts[0] * (value - lower), value + parts[1] * (upper - value)
     return min(low, below), max(high, above)
+
+
+def _of_a_shape(fit: Fit, k: int) -> bool:
+    """Whether number k is the strength of a law whose shape, a power or a range, is free beside it."""
+    free = fit.hypothesis.free[k]
+    own = next(t for t in fit.hypothesis.terms for f in t.free if f is free)
+    return not free.inner and any(f.inner for f in own.free)
 
 
 def with_company(fitter: Fitter, fit: Fit, first: int, spread: float, terms: Sequence[Term]) -> Fit:

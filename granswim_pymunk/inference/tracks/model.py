@@ -56,7 +56,7 @@ from .blocks import make_blocks, score
 from .choose import absurd, choose, of_the_apparatus, rivals_of, worth
 from .experiment import propose, with_clock
 from .fit import Fitter, joined
-from .fitted import Fit
+from .fitted import Fit, may_be_absent
 from .forms import Alike, fitted_as_good, forms_as_good, left_standing
 from .held_out import (
     Errors,
@@ -908,18 +908,24 @@ class Tracks(ObservationModel):
             # not forms without a name: one by the speed holds a drag itself, whose number would then be any
             few = [t for t in self.tried.terms if len(t.free) <= current().left.numbers]
             first = len(self.tried.recalibrated.values)
-            self.beside_more = with_company(self._fitter_of(claim.fit), claim.fit, first, self.spread, few)
+            wide = with_company(self._fitter_of(claim.fit), claim.fit, first, self.spread, few)
+            self.beside_more = with_none_beyond(wide, [t.label for t in claim.laws], self.spread)
         return left
 
     def with_found_numbers(self, judged: Judgement) -> Judgement:
         laws = judged.claim.laws
         if self.beside_more is None or judged.verdict not in CLAIMED:
             return judged
-        ended = {t.label: why for t in laws if (why := reaches_its_end(t, self.beside_more, self.spread))}
+        more, spread = self.beside_more, self.spread
+        ended = {t.label: f"beside one more law {why}" for t in laws if (why := reaches_its_end(t, more, spread))}
+        for t in laws:  # one with a shape is asked with that held (``that_may_be_absent``)
+            shaped = any(f.inner for f in t.term.free)
+            if not shaped and may_be_absent(more, t.term.free, more.hypothesis.rows(t.label).start, spread):
+                ended.setdefault(t.label, "one more law may be all of it")
         if field_alone(t.mechanism for t in laws if t.label not in ended) or len(ended) in (0, len(laws)):
             return judged
         for trial in [t for t in laws if t.label in ended]:
-            laws = self._unnamed(laws, [trial], judged.claim.fit, f"beside one more law {ended[trial.label]}")
+            laws = self._unnamed(laws, [trial], judged.claim.fit, ended[trial.label])
         return replace(judged, verdict=named_verdict(laws), claim=replace(judged.claim, laws=laws))
 
     def _left(self, judged: Judgement) -> tuple[Left, bool]:

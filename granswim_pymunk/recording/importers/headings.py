@@ -44,6 +44,8 @@ ALONE = ("position", "pos", "ort", "lage", "weg", "strecke", "distance", "displa
          "positie")  # fmt: skip
 # the letter of a way along a line, as motion sensors write it beside v and a; alone it may be anything
 WAY, RATES_OF_WAY = "s", (["v"], ["a"])
+HEIGHT = "h"  # as the letter of a height, beside its error
+SPEEDS = {"v", "vx", "vy", "vz"}  # letters of velocities
 # the same, of which the axis is clear; not where it is the size of a box, beside its width
 UPRIGHT = ("height", "altitude", "hohe", "hoehe", "hauteur", "altura", "altezza", "elevation",
            "høyde", "højde", "hojd", "hoogte")  # fmt: skip
@@ -96,6 +98,21 @@ def is_way(column: str, header: Sequence[str]) -> bool:
     if words(column) != [WAY]:
         return False
     return split_unit(column)[1] in LENGTHS or any(words(name) in RATES_OF_WAY for name in header)
+
+
+def is_height(column: str, header: Sequence[str]) -> bool:
+    """Whether a column is a height as the letter h: in a unit of lengths, or beside its error (h_err)."""
+    beside = (words(name) for name in header if name != column)
+    return words(column) == [HEIGHT] and (
+        split_unit(column)[1] in LENGTHS or any(said[0] == HEIGHT and NO_BODY.fullmatch(said[-1]) for said in beside)
+    )
+
+
+def called_a_place(column: str) -> str:
+    """What is said of a column that a user calls a place, where its heading is that of a rate; empty for others."""
+    if not (RATES | SPEEDS).intersection(words(column)):
+        return ""
+    return f"{column} is taken for a place, as you say, though by its heading it is a rate"
 
 
 def is_third(column: str) -> bool:
@@ -187,7 +204,7 @@ def find_columns(header: Sequence[str], given: Mapping[str, str]) -> dict[str, s
     if not {"t", "frame", "body"} & found.keys():
         take("step", [name for name in open_to if " ".join(words(name)) in STEPS])
     if not {"x", "y"} & found.keys() and not any(WIDTHS.intersection(words(name)) for name in header):
-        take("y", [name for name in open_to if " ".join(words(name)) in UPRIGHT])
+        take("y", [n for n in open_to if " ".join(words(n)) in UPRIGHT] or [n for n in open_to if is_height(n, header)])
     if not {"x", "y"} & found.keys():
         take("x", sorted(filter(is_lone, open_to), key=lambda name: ALONE.index(" ".join(words(name)))))
     if not {"x", "y"} & found.keys():

@@ -9,7 +9,18 @@ import numpy as np
 
 from ...errors import InputError
 from .base import Found, Importer, Options, only_one
-from .headings import NO_BODY, find_columns, is_clock, is_from_top, is_lone, is_rate, is_third, is_way, words
+from .headings import (
+    NO_BODY,
+    called_a_place,
+    find_columns,
+    is_clock,
+    is_from_top,
+    is_lone,
+    is_rate,
+    is_third,
+    is_way,
+    words,
+)
 from .source import Source
 from .table import Table
 from .units import ANGLES, LENGTHS, PIXELS, TIMES, split_unit
@@ -190,6 +201,7 @@ def read(source: Source, options: Options) -> Found:
             f"{found.get('x') or found['y']} is in {unit}, which is no length that is known: its numbers are taken for "
             "metres (--unit says how long one is)"
         )
+    notes += filter(None, (called_a_place(given[key]) for key in ("x", "y") if key in given))
     if unit in ANGLES:
         notes.append(
             f"{found.get('x') or found['y']} is in a unit of angles and is taken for a place: an angle is said as "

@@ -13,13 +13,13 @@ from scipy.spatial import cKDTree
 from ..grid import grid_of
 from ..recording import Recording
 from .plausible import bounced, doubts
+from .stamps import LEFT_OUT, usual_step
 from .table import some_of
 
 JUMP = 10.0  # a step so many times beyond the usual change of the steps is a jump
 FAST = 20.0  # m/s
 FAST_RADII = 2e4  # radii a second; a golf ball that falls 30 m has 1e3, a swimmer's disk 1e2
 NARROW = 1e4  # times as long as wide, where a path cannot be drawn to scale
-LEFT_OUT = 1.5  # times the usual step of the stamps, from which a frame is left out for all bodies
 # stamps count frames where nine of ten steps that are not long are as close to the usual one, as a share of it, and
 # the middle one of the long steps to a whole number of them, which of steps longer than 1/EVEN is not asked
 EVEN = 0.1
@@ -176,14 +176,14 @@ def _counted(t: np.ndarray) -> np.ndarray:
 
 def _usual(steps: np.ndarray) -> tuple[float, np.ndarray]:
     """The usual step of stamps [s], and which steps are so long that frames may have been left out."""
-    usual = float(np.median(steps)) if len(steps) else math.nan
+    usual = usual_step(steps) if len(steps) else math.nan
     return usual, steps > LEFT_OUT * usual
 
 
 def _even(steps: np.ndarray) -> bool:
     """Whether steps of stamps count the frames of a film: a program that writes when it can has steps of any length."""
     usual, long_ = _usual(steps)
-    if not usual > 0 or np.mean(long_) > 0.25:
+    if not usual > 0 or (np.mean(long_) > 0.25 and usual >= np.median(steps)):
         return False
     times = steps / usual
     off = np.abs(times - np.where(long_, np.round(times), 1.0))

@@ -14,6 +14,7 @@ from ...errors import InputError
 from ...limits import LARGEST_TABLE, ordinary_file
 from .arrays import MATLAB, MATLAB_73, NUMPY, held, is_json, is_npz, table_of
 from .base import Options, extra_needed
+from .headings import is_clock, is_rate
 from .table import Table, find_delimiter, headed, plain_numbers, split, table_from_frame, table_from_rows, unquoted
 
 HEAD = 65536  # bytes that decide what a file is
@@ -301,6 +302,13 @@ class Source:
                 return (
                     f"is a table in which no clock is found{bare}; its columns: {listed}; say which it is, as "
                     "--columns t=TIME, or --fps HZ where each row is the next frame"
+                )
+            rest = [name for name in self.table.header if is_clock(name) is None]
+            if rest and all(map(is_rate, rest)):
+                return (
+                    f"is a table of rates alone, and no places; its columns: {listed}. A velocity that is summed up "
+                    "over time is a place; of an acceleration, summed up twice, the errors grow without end, and no "
+                    "recording can be made of it: film it, or measure places beside it"
                 )
             return (
                 f"is a table in which no time and positions are found{bare}; its columns: {listed}; say which is "

@@ -5,6 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 EVEN = 0.5  # of a step, by which stamps of one clock are off it at the most: beyond, they would be another frame
+LEFT_OUT = 1.5  # times the usual step of the stamps, from which a frame is left out for all bodies
+OFTEN = 0.1  # of the steps, that are as short as a frame where most have lost one
+MULTIPLE = 0.1  # of a frame, by which steps are off whole numbers of them at the most
 TOGETHER = 3  # rows of one body that rounding gives one time: more are other bodies, or an end of the clock
 NEARER = 2.0  # times as far apart as every other row are neighbouring rows where bodies take turns
 
@@ -37,6 +40,21 @@ def rounded(t: np.ndarray, rows: str) -> str:
     )
 
 
+def usual_step(steps: np.ndarray) -> float:
+    """The step of a clock [s] by those of its stamps (k,): their median, or a shorter one of which all are multiples.
+
+    Where every second or third frame is lost most steps are two frames long. Not a power of ten, of which stamps are
+    multiples that were rounded to so many digits.
+    """
+    usual = float(np.median(steps))
+    short = steps[steps < LEFT_OUT * steps.min()]
+    step = float(np.mean(short))
+    if not step > 0 or np.isclose(np.log10(step), np.rint(np.log10(step)), rtol=0, atol=1e-6):
+        return usual
+    off = float(np.max(np.abs(steps / step - np.rint(steps / step))))
+    return step if LEFT_OUT * step < usual and len(short) > OFTEN * len(steps) and off < MULTIPLE else usual
+
+
 def frame_rate(t: np.ndarray) -> float:
     """Frames a second of stamps (T,) [s], two or more: of all of them together, where they belong to one clock.
 
@@ -44,7 +62,7 @@ def frame_rate(t: np.ndarray) -> float:
     3000. Where frames follow one another unevenly it is one over the usual step.
     """
     steps = np.diff(t)
-    usual = float(np.mean(steps[steps < 1.5 * np.median(steps)]))
+    usual = float(np.mean(steps[steps < 1.5 * usual_step(steps)]))
     frames = np.concatenate([[0.0], np.cumsum(np.rint(steps / usual))])
     rate = frames[-1] / float(t[-1] - t[0])
     off = float(np.max(np.abs(t - t[0] - frames / rate)))

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import InputError
-from .units import is_unit
+from .units import is_unit, split_unit
 
 MISSING = ("", "nan", "na", "n/a", "none", "null", "-", "--", "#n/a")
 _DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+(?:[eE][-+]?\d+)?")
@@ -65,9 +65,17 @@ class Table:
         return len(self.lines)
 
     def named(self, column: str) -> str:
-        """The name of a column that is said by its name, or by its number from 1; what is neither stays as it is."""
+        """The name of a column that is said by its name, with its unit or without, or by its number from 1.
+
+        What is none stays as it is.
+        """
+        if column in self.columns:
+            return column
         number = int(column) if column.isdecimal() else 0
-        return self.header[number - 1] if column not in self.columns and 0 < number <= len(self.header) else column
+        if 0 < number <= len(self.header):
+            return self.header[number - 1]
+        plain = [name for name in self.header if split_unit(name)[0].strip().lower() == column.strip().lower()]
+        return plain[0] if len(plain) == 1 else column
 
     def mapped(self, columns: Mapping[str, str]) -> dict[str, str]:
         """A map of a user, with columns by their names, see ``named``."""

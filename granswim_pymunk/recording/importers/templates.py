@@ -293,14 +293,15 @@ def _pin_of(name: str, tracks: Tracks, given: Mapping[str, Any], gravity: tuple[
     agree = "length" in given or (refined is not None and abs(refined[1] / length - 1) < 5 * error)
     if refined is not None and agree:
         (anchor, length), how = refined, "its arc and its period"
-    return _hung(name, anchor, length, given, f"by {how}{told}{_no_circle(np.hypot(*(xy - anchor).T), length)}")
+    return _hung(name, anchor, length, given, f"by {how}{told}{_no_circle(xy - anchor, length)}")
 
 
-def _no_circle(far: np.ndarray, length: float) -> str:
-    """What is added where distances (k,) [m] from the anchor are those of no rod; empty where they are.
+def _no_circle(away: np.ndarray, length: float) -> str:
+    """What is added where places (k, 2) [m] from the anchor lie at distances of no rod; empty where they do.
 
-    Noise is what neighbouring distances differ by.
+    Noise is what distances differ by of places that are neighbours along the path.
     """
+    far = np.hypot(*away.T)[np.argsort(np.arctan2(away[:, 1], away[:, 0]))]
     off = float(np.sqrt(np.mean(np.square(far - length))))
     noise = float(np.median(np.abs(np.diff(far, n=2)))) / (0.6745 * math.sqrt(6)) if len(far) > 2 else math.inf
     if off < max(NO_CIRCLE * length, CLEARLY * noise):
