@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 
@@ -13,9 +14,10 @@ from ..judge import Claim
 from ..mechanisms import plainly
 from ..significance import price
 from .choose import absurd
-from .fit import Fitter
+from .fit import Fitter, side_by_side
 from .fitted import Fit
-from .name import Trial
+from .name import Trial, refit
+from .signatures import Signature, make_bank
 from .verdict import Told
 
 
@@ -37,6 +39,12 @@ def asked_by_all_frames(
     try:
         least, now = whole.refitted(plain), whole.refitted(claim.fit)
         fits = [(t, whole.refitted(t.fit)) for t in rivals if t.fit is not None]
+        # what was hardly there in frames that were learnt from is not begun where that left it alone
+        anew = make_bank(whole, least, [t.term for t in rivals]).signatures
+        begun = side_by_side(whole, [partial(_begun, base=least, signature=s) for s in anew])
+        fits = [
+            (t, min(fit, other or fit, key=lambda f: f.chi2)) for (t, fit), other in zip(fits, begun, strict=True)
+        ]
     except Failed:
         return []
     fits.sort(key=lambda f: f[1].chi2 + 2 * f[0].used)
@@ -56,6 +64,14 @@ def asked_by_all_frames(
         f"{'; '.join(entry['expression'] for entry in told)}. It leaves {_times(fit):.2g} times the noise ({others}); "
         "no frames are left to test that on"
     ]
+
+
+def _begun(fitter: Fitter, base: Fit, signature: Signature) -> Fit | None:
+    """A law fitted from what it does beside the scene, on growing parts of the frames; None where that fails."""
+    try:
+        return refit(fitter, base, signature, current().evaluations.growing)
+    except Failed:
+        return None
 
 
 def _times(fit: Fit) -> float:

@@ -1067,9 +1067,21 @@ class Tracks(ObservationModel):
         line = strongest_line(fit, study.training)
         if line is not None and line.paid > gain and line.gain > few.line * (fit.chi2 - fit.count):
             looks = f"an oscillation at {line.frequency:.3g} Hz"
+        elif not claim.laws:
+            looks = self._beside_the_nearest() or looks
         remains = remains_of(scores, [b.case.t[b.rest] for b in self.blocks], looks)
         # blocks do not predict the frames that their starts are fitted on, in which most may be left
         return remains and replace(remains, t=largest_when(fit.innovations, study.training) or remains.t)
+
+    def _beside_the_nearest(self) -> str:
+        """The law that comes closest where none is named, with an oscillation if that is most of what it leaves."""
+        nearest, few = next(iter(self.refitted()), None), current().left
+        if nearest is None or nearest.fit is None:
+            return ""
+        line = strongest_line(nearest.fit, self.study.training)
+        if line is None or line.paid <= few.looks or line.gain <= few.line * nearest.fit.excess:
+            return ""
+        return f"{plainly(nearest.mechanism)} and an oscillation at {line.frequency:.3g} Hz"
 
     def refitted(self) -> list[Trial]:
         """Laws that gain more than their numbers do by chance, best first; of those that ended at no bound, if any."""
