@@ -76,7 +76,7 @@ def test_by_itself_it_is_no_name():
     assert verdict["verdict"] == "unmodelled" and verdict["mechanisms"], verdict["notes"]
     assert field_alone(["curved_surface"]) and field_alone(["uniform_force", "curved_surface"])
     assert not field_alone(["curved_surface", "linear_drag"]) and not field_alone(["uniform_force"])
-    assert not field_alone([])
+    assert not field_alone([]) and field_alone(["spring", "curved_surface"])
 
 
 def test_it_is_asked_of_what_slides_or_rolls_alone():

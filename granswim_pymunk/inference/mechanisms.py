@@ -23,6 +23,7 @@ APPARATUS = {
 NONE_DIFFERS = "none of these numbers differs from zero by itself"
 NOTHING = "nothing that was tried"  # what is left looks like that
 CLAIMED = ("missing_physics", "measurement")  # verdicts that name something
+OF_PLACE = ("push", "tether", "source")  # roles of laws that hang on nothing but where a body is
 UNKNOWN = "unknown"  # the name of a form without one
 RESTITUTION = "restitution"  # contacts that lose more, or less, than believed
 # mechanisms that no law of their own stands for
@@ -36,13 +37,13 @@ def nameless(mechanism: str) -> bool:
 
 
 def field_alone(mechanisms: Iterable[str]) -> bool:
-    """Whether laws make no more than a force that is smooth in place: a curved surface, with or without a push.
+    """Whether laws make no more than a force that is smooth in place: a curved surface, beside a push or a spring or not.
 
     Any such force is that to first order, so that they name nothing where no other law stands beside them.
     """
     names = [*mechanisms]
     beside = [law is not None and law.candidate == "beside" for law in map(all_laws().get, names)]
-    return any(beside) and all(b or has_role(m, "push") for b, m in zip(beside, names, strict=True))
+    return any(beside) and all(b or has_role(m, *OF_PLACE) for b, m in zip(beside, names, strict=True))
 
 
 def plainly(mechanism: str) -> str:
