@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from types import SimpleNamespace
 
@@ -15,6 +15,7 @@ from two_arms import two_arms
 from granswim_pymunk.inference.candidates import named_terms, scaled_like, with_numbers
 from granswim_pymunk.inference.data import Case, prepare
 from granswim_pymunk.inference.hypothesis import Hypothesis, Predictor, Term
+from granswim_pymunk.inference.judge import Claim, Judgement
 from granswim_pymunk.inference.start import describe_starts
 from granswim_pymunk.inference.tracks import model
 from granswim_pymunk.inference.tracks.blocks import _step
@@ -374,3 +375,43 @@ def test_a_drag_in_a_picture_whose_scale_is_off_stands_in_place_of_a_wind_up_alo
     found = {f.name: float(v) for f, v in zip(both[0].fit.hypothesis.free, both[0].fit.values, strict=True)}
     assert found["camera.scale"] == pytest.approx(scale, abs=0.02)
     assert found["linear_drag.c"] == pytest.approx(c, abs=0.02)
+
+
+@pytest.mark.parametrize(
+    ("special", "verdict", "named"),
+    [
+        (False, "unmodelled", ["quadratic_drag", "camera_tilt"]),  # needed: it is kept
+        (True, "unmodelled", None),  # what bends a picture looks like a little of anything
+        (False, "missing_physics", ["quadratic_drag"]),  # not needed: in the scene, and not named
+    ],
+)
+def test_a_tilt_without_which_the_names_explain_too_little_is_named(monkeypatch, special, verdict, named):
+    @dataclass(frozen=True)
+    class Law:
+        label: str
+        special: bool = False
+        fit: object = None
+        gain: float = 0.0
+
+    laws = (Law("quadratic_drag"), Law("camera_tilt", special))
+    fit, without = SimpleNamespace(chi2=10.0), SimpleNamespace(chi2=50.0)
+    told = Judgement(verdict, Claim((), None))
+
+    def judged(of, claim):
+        of.notes.append("quadratic_drag is not named: it explains 30 % of the mismatch, 50 % are asked")
+        return told
+
+    monkeypatch.setattr(model, "apparatus_beside", lambda *a: ([laws[1]], without))
+    monkeypatch.setattr(model, "judged_by_training", judged)
+    monkeypatch.setattr(model, "absurd", lambda trial: "")
+    of = SimpleNamespace(
+        tried=SimpleNamespace(recalibrated=SimpleNamespace(chi2=100.0, values=[])), notes=[], spread=1.0,
+        _fitter_of=lambda fit: None, completeness=lambda fit: SimpleNamespace(passes=False),
+        _unnamed=lambda laws, those, fit, why: tuple(t for t in laws if t not in those),
+    )  # fmt: skip
+    found = model.Tracks._without_faults(of, laws, fit)
+    if named is None:
+        assert found is told
+    else:
+        assert [t.label for t in found[0]] == named and found[1] is fit
+        assert bool(of.notes) == (verdict != "unmodelled")

@@ -37,7 +37,7 @@ def nameless(mechanism: str) -> bool:
 
 
 def field_alone(mechanisms: Iterable[str]) -> bool:
-    """Whether laws make no more than a force that is smooth in place: a curved surface, beside a push or a spring or not.
+    """Whether laws make no more than a force that is smooth in place: a curved surface, alone or with a push or spring.
 
     Any such force is that to first order, so that they name nothing where no other law stands beside them.
     """

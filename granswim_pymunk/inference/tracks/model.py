@@ -501,22 +501,10 @@ class Tracks(ObservationModel):
         fit, alike = within_belief(laws, fit, self.tried.recalibrated, fitter, self.spread)
         if alike and len(alike) < len(laws):
             laws = self._unnamed(laws, alike, fit, AS_BELIEVED)
-        plain = self.tried.recalibrated
-        idle, without = ([], None) if self.completeness(fit).passes else apparatus_beside(laws, fit, plain, fitter)
-        if without is not None:
-            # the names have to explain without what is not named, and better than a form in place of them
-            others, gain = [t for t in laws if not any(t is a for a in idle)], plain.chi2 - without.chi2
-            less = Claim(tuple(replace(t, fit=without, gain=gain) for t in others), without)
-            again = judged_by_training(self, less)
-            if again.verdict == "unmodelled":
-                return again
-            if ended := [why for t in idle if (why := absurd(replace(t, fit=fit)))]:
-                # a number that was not found is in no scene
-                self.notes.append(f"{Claim(tuple(idle), fit).label}: left out, {ended[0]}")
-                fit = with_limits(fitter, without, count, self.spread, late)
-                laws = tuple(replace(t, fit=fit) for t in less.laws)
-            else:
-                laws = self._unnamed(laws, idle, fit, BENDS_AS_WELL)
+        found = self._without_faults(laws, fit)
+        if isinstance(found, Judgement):
+            return found
+        laws, fit = found
         if fit.limits:
             names = ", ".join(fit.hypothesis.free[k].name for k in fit.limits)
             self.notes.append(
@@ -551,6 +539,35 @@ class Tracks(ObservationModel):
                 )
             )
         )
+
+    def _without_faults(
+        self, laws: tuple[Trial, ...], fit: Fit
+    ) -> tuple[tuple[Trial, ...], Fit] | Judgement:
+        """Laws without faults of the apparatus that take a part of anything, where more than noise is left.
+
+        The names have to explain without what is not named, and better than a form in place of them: the judgement
+        where they do not. Where they explain enough with a tilt or a scale and not without, it is no term of a series.
+        """
+        plain, fitter = self.tried.recalibrated, self._fitter_of(fit)
+        idle, without = ([], None) if self.completeness(fit).passes else apparatus_beside(laws, fit, plain, fitter)
+        if without is None:
+            return laws, fit
+        others, gain = [t for t in laws if not any(t is a for a in idle)], plain.chi2 - without.chi2
+        less = Claim(tuple(replace(t, fit=without, gain=gain) for t in others), without)
+        told, ended = len(self.notes), [why for t in idle if (why := absurd(replace(t, fit=fit)))]
+        again = judged_by_training(self, less)
+        if again.verdict == "unmodelled":
+            if ended or any(t.special for t in idle):
+                return again
+            del self.notes[told:]
+            return laws, fit
+        if not ended:
+            return self._unnamed(laws, idle, fit, BENDS_AS_WELL), fit
+        # a number that was not found is in no scene
+        self.notes.append(f"{Claim(tuple(idle), fit).label}: left out, {ended[0]}")
+        late = partial(self.study.late, current().budget.settling)
+        fit = with_limits(fitter, without, len(plain.values), self.spread, late)
+        return tuple(replace(t, fit=fit) for t in less.laws), fit
 
     def _with_its_notes(self, judged: Judgement) -> Judgement:
         """A judgement, without notes on what stays in the revised scene where that is not told."""
