@@ -566,9 +566,10 @@ def any_field(a: Term, b: Term, terms: Sequence[Term]) -> bool:
 
 
 def _any_field_of(found: Sequence[Trial], term: Term, terms: Sequence[Term]) -> bool:
-    """The same of a law beside several; a push and a curved surface are none beside what is no field itself."""
+    """The same of a law beside several; a push on all and a curved surface are none beside what is no field itself."""
     fields = [t for t in found if any_field(t.term, term, terms)]
-    flat = all(field_alone((t.mechanism, term.mechanism)) for t in fields)
+    whole = not any(is_part(t, terms) for t in (term, *(f.term for f in fields)))
+    flat = whole and all(field_alone((t.mechanism, term.mechanism)) for t in fields)
     return bool(fields) and not (flat and len(fields) < len(found))
 
 
