@@ -11,6 +11,7 @@ import pytest
 
 from granswim_pymunk.cli import build_parser
 from granswim_pymunk.commands import COMMANDS
+from granswim_pymunk.proof.prove import FULL, FULL_REAL
 from granswim_pymunk.recording.importers import FORMATS
 from granswim_pymunk.recording.keys import KEYS, format_page
 
@@ -102,3 +103,9 @@ def test_the_tutorial_on_a_scene_of_your_own(tmp_path):
     assert "30 free" in said and "the disks move at" in said
     assert (tmp_path / "box.png").read_bytes()[:4] == b"\x89PNG"
     assert (tmp_path / "out/box/video.gif").stat().st_size > 1000
+
+
+def test_seeds_of_the_full_form_are_those_that_the_page_says():
+    said = " ".join((DOCS / "proof.md").read_text(encoding="utf-8").split())
+    for kind, seeds in (FULL | FULL_REAL).items():
+        assert f"`{kind}` {seeds[0]} to {seeds[-1]}" in said, kind

@@ -39,13 +39,13 @@ FULL = {
     "bodies": range(3511, 3711),
     "bed": range(1070, 1106),
     "small-bed": range(1001, 1051),
-    "unseen": range(1000, 1012),
+    "unseen": range(1003, 1015),
     "small-unseen": range(1078, 1126),
     "curve": range(1000, 1004),
-    "small-curve": range(1004, 1020),
+    "small-curve": range(1006, 1022),
 }
 # under real-life conditions: three in ten of the bodies are nulls
-FULL_REAL = {"real-life": range(3078, 3248), "real-life-bed": range(1024, 1036)}
+FULL_REAL = {"real-life": range(3873, 4043), "real-life-bed": range(1027, 1036)}
 
 _RUNNING: set[subprocess.Popen[str]] = set()  # diagnoses under way
 _GONE = threading.Event()  # nobody waits for them any more, nor for those that are begun after it
