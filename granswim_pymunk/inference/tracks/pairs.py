@@ -60,7 +60,7 @@ def two_beside(search: SetSearch, found: list[Trial], revised: Fit) -> tuple[lis
     rest = [
         t for t in terms
         if t.mechanism != law.mechanism and len(t.free) <= sets.numbers and not t.special
-        and not any_field(law.term, t, terms)
+        and not any_field(law.term, t, terms) and not field_alone([t.mechanism])
     ]  # fmt: skip
     bank = make_bank(search.fitter, revised, rest)
     signatures, earned = bank.signatures, price(len(terms))
@@ -221,6 +221,7 @@ def _in_place_of(search: SetSearch, law: Trial, numbers: int) -> list[tuple[Sign
         return []
     own = search.fitter.in_pieces(current().refits.pieces)
     simple = [t for t in search.terms if t.mechanism != law.mechanism and not t.special]
+    simple = [t for t in simple if not field_alone([t.mechanism])]
     simple = [t for t in simple if not any(f.inner for f in t.free)]
     try:
         plain = own.fit(search.base.hypothesis, search.base.values)
@@ -304,7 +305,7 @@ def _one_more(
     most = max(t.numbers for t in found)
     open_ = [s for s in beside.signatures if spread <= 1 or len(s.term.free) <= max(most, sets.numbers)]
     shown = sorted((s for s in open_ if _shows(s, spread, revised)), key=lambda s: -s.gain)
-    order = leaders(shown, sets.seconds)
+    order = _nearest(shown, sets.seconds)
     order += [s for s in open_ if is_limit(s.term) and not any(s is o for o in order)]  # no first order in a limit
     fits = _refitted(search, revised, order)
     trials = [Trial(s, fit, revised.chi2 - fit.chi2, float("inf")) for s, fit in zip(order, fits, strict=True)]
@@ -362,6 +363,12 @@ def leaders(ranked: Sequence[Signature], count: int) -> list[Signature]:
         mine = [best, *plainer[:1]] if len(best.term.free) > fewest else [best]
         chosen += [s for s in mine if not any(s is other for other in chosen)]
     return chosen
+
+
+def _nearest(ranked: Sequence[Signature], count: int) -> list[Signature]:
+    """The same, and the best of those that stand beside others alone: they take no other law's place."""
+    beside = [s for s in ranked if field_alone([s.term.mechanism])]
+    return leaders([s for s in ranked if not any(s is b for b in beside)], count) + beside[:1]
 
 
 def _refitted(search: SetSearch, base: Fit, signatures: Sequence[Signature]) -> list[Fit]:
@@ -487,7 +494,7 @@ def _from_the_first_third(search: SetSearch) -> list[tuple[Signature, Signature,
     whole = search.fitter
     short = Fitter(whole.cases, whole.predictor, third, whole.stop).tightened(whole.closeness)
     start = short.fit(search.base.hypothesis, search.base.values)
-    bank = make_bank(short, start, [t for t in search.terms if len(t.free) <= 2])
+    bank = make_bank(short, start, [t for t in search.terms if len(t.free) <= 2 and not field_alone([t.mechanism])])
     tried: set[tuple[str, str]] = set()
     mechanisms = [s.term.mechanism for s in bank.signatures]
     ranked = pair_gains(bank.left, mechanisms, [s.directions for s in bank.signatures])
@@ -537,7 +544,9 @@ def _beside_each(
     chosen: dict[frozenset[str], tuple[Trial, Signature]] = {}
     for _, _, first, second in sorted(ranked, key=lambda r: r[:2]):
         chosen.setdefault(frozenset((first.term.label, second.term.label)), (first, second))
-    pairs = list(chosen.values())[: sets.pairs]
+    every = list(chosen.values())
+    named = [pair for pair in every if not field_alone([pair[1].term.mechanism])]
+    pairs = named[: sets.pairs] + [pair for pair in every if not any(pair is n for n in named)][: sets.variants]
 
     def fitted(own: Fitter, first: Trial, second: Signature) -> Fit:
         assert first.fit is not None
@@ -737,7 +746,7 @@ def exchanges(search: SetSearch, found: list[Trial], revised: Fit) -> list[Excha
         others = [t for t in search.terms if t.mechanism not in {f.mechanism for f in found}]
         ranked = sorted(make_bank(search.fitter, alone, others).signatures, key=lambda s: -s.gain)
         lost = alone.chi2 - revised.chi2
-        near = leaders([s for s in ranked if s.gain > current().sets.near_partner * lost], current().sets.partners)
+        near = _nearest([s for s in ranked if s.gain > current().sets.near_partner * lost], current().sets.partners)
         for signature, fit in zip(near, _refitted(search, alone, near), strict=True):
             trial = Trial(signature, fit, search.base.chi2 - fit.chi2, float("inf"))
             ahead = (revised.chi2 - fit.chi2) / spread - 2 * (trial.used - replaced.used)
