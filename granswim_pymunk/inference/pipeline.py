@@ -224,7 +224,7 @@ def _better_of(
         if not fails and (fault or found.unlike or not sure) and not model.predicts_better(held, found):
             continue
         # where little is known of the numbers any error is one that they may have: that is no merit
-        if not fails and (model.predicts_better(found, held) or _less(found, held)):
+        if not fails and (model.predicts_better(found, held) or (_less(found, held) and not bends(judged))):
             continue
         better.append((other, found, notes))
         if sure and not found.unlike:

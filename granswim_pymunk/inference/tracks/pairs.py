@@ -560,10 +560,11 @@ def any_field(a: Term, b: Term, terms: Sequence[Term]) -> bool:
     """Whether both push, or one of them on some of the bodies only: together they imitate any force in space.
 
     What goes with the speed of bodies, or acts where they touch, is no force in space, and has its place beside a push
-    on one of them. So do a force from a point that nobody sees and one between bodies: of disks that repel one another
-    their middle repels each.
+    on one of them. So do a force from a point that nobody sees, or that of a curved surface, and one between bodies: of
+    disks that repel one another their middle repels each.
     """
-    if any(has_role(t.mechanism, "source") for t in (a, b)) and (_at_a_distance(a) or _at_a_distance(b)):
+    places = any(has_role(t.mechanism, "source") or field_alone([t.mechanism]) for t in (a, b))
+    if places and (_at_a_distance(a) or _at_a_distance(b)):
         return True
     if field_alone((a.mechanism, b.mechanism)):
         return True
