@@ -305,7 +305,7 @@ def _one_more(
     most = max(t.numbers for t in found)
     open_ = [s for s in beside.signatures if spread <= 1 or len(s.term.free) <= max(most, sets.numbers)]
     shown = sorted((s for s in open_ if _shows(s, spread, revised)), key=lambda s: -s.gain)
-    order = _nearest(shown, sets.seconds)
+    order = leaders(shown, sets.seconds)
     order += [s for s in open_ if is_limit(s.term) and not any(s is o for o in order)]  # no first order in a limit
     fits = _refitted(search, revised, order)
     trials = [Trial(s, fit, revised.chi2 - fit.chi2, float("inf")) for s, fit in zip(order, fits, strict=True)]
