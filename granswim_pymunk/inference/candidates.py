@@ -462,11 +462,10 @@ def beside_terms(cases: Sequence[Case]) -> list[Term]:
 
     Not where something holds a body to a place, whose strength it would be, nor of what flies or swims.
     """
-    scenes = [c.recording.scene for c in cases]
-    held = any(s.laws_as(role) for s in scenes for role in HOLDING if role != "guide")
-    other = any(s.chains or s.periodic_x or s.bed is not None or _flies(s) for s in scenes)
-    laws = [law for law in all_laws().values() if law.candidate == "beside" and not (held or other)]
-    return [t for law in laws if applies(law, cases) for t in law_terms(law, cases, each=False)]
+    if not _slide(cases, "guide"):
+        return []
+    laws = [law for law in all_laws().values() if law.candidate == "beside" and applies(law, cases)]
+    return [t for law in laws for t in law_terms(law, cases, each=False)]
 
 
 def unseen_terms(cases: Sequence[Case]) -> list[Term]:
@@ -508,12 +507,16 @@ def _may_be_tied(law: Law, cases: Sequence[Case]) -> bool:
     What hangs, slides along a rail or has a spring already moves about a place that is believed; a bed pushes back.
     Several bodies have no spring in common, but a magnet below the table.
     """
-    scenes = [c.recording.scene for c in cases]
     if law.role == "tether" and len(names_of(cases)) > 1:
         return False
-    held = any(s.laws_as(role) for s in scenes for role in HOLDING)
-    other = any(s.chains or s.periodic_x or s.bed is not None or _flies(s) for s in scenes)
-    return not held and not other and places_about(cases) is not None
+    return _slide(cases) and places_about(cases) is not None
+
+
+def _slide(cases: Sequence[Case], *along: str) -> bool:
+    """Whether bodies slide or roll, and none flies, swims or is held; laws with the roles ``along`` hold none."""
+    scenes = [c.recording.scene for c in cases]
+    held = any(s.laws_as(role) for s in scenes for role in HOLDING if role not in along)
+    return not held and not any(s.chains or s.periodic_x or s.bed is not None or _flies(s) for s in scenes)
 
 
 def flexible_terms(cases: Sequence[Case], *, each: bool = False) -> list[Term]:

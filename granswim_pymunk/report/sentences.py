@@ -113,18 +113,18 @@ def headline(d: Diagnosis) -> str:
 
 def _and_more(d: Diagnosis) -> str:
     """The same beside what is named; empty where held-out data are off by no more than its numbers can be."""
-    later = _off_later(d)
-    return f"; {later.replace('something is', 'more is')}" if later else ""
+    later = _off_later(d, "more")
+    return f"; {later}" if later else ""
 
 
-def _off_later(d: Diagnosis) -> str:
+def _off_later(d: Diagnosis, what: str = "something") -> str:
     """That held-out data are off by more than the scene leaves in any repeat; empty where they are not."""
     errors = d.verdict["fit"]["heldout"]
     left, floor = errors["revised"], errors["noise_floor"]
     if d.verdict["complete"] or d.right_law is None or not left or not floor or left <= max(d.right_law):
         return ""
     ratio = times(left / floor)
-    return f"held-out data are off by {ratio} times the noise floor: something is missing that shows there"
+    return f"held-out data are off by {ratio} times the noise floor: {what} is missing that shows there"
 
 
 def moved(d: Diagnosis) -> list[str]:

@@ -62,7 +62,7 @@ def frame_rate(t: np.ndarray) -> float:
     3000. Where frames follow one another unevenly it is one over the usual step.
     """
     steps = np.diff(t)
-    usual = float(np.mean(steps[steps < 1.5 * usual_step(steps)]))
+    usual = float(np.mean(steps[steps < LEFT_OUT * usual_step(steps)]))
     frames = np.concatenate([[0.0], np.cumsum(np.rint(steps / usual))])
     rate = frames[-1] / float(t[-1] - t[0])
     off = float(np.max(np.abs(t - t[0] - frames / rate)))
