@@ -60,7 +60,7 @@ def two_beside(search: SetSearch, found: list[Trial], revised: Fit) -> tuple[lis
     rest = [
         t for t in terms
         if t.mechanism != law.mechanism and len(t.free) <= sets.numbers and not t.special
-        and not any_field(law.term, t, terms) and not field_alone([t.mechanism])
+        and not any_field(law.term, t, terms) and not stands_beside(t)
     ]  # fmt: skip
     bank = make_bank(search.fitter, revised, rest)
     signatures, earned = bank.signatures, price(len(terms))
@@ -221,8 +221,7 @@ def _in_place_of(search: SetSearch, law: Trial, numbers: int) -> list[tuple[Sign
         return []
     own = search.fitter.in_pieces(current().refits.pieces)
     simple = [t for t in search.terms if t.mechanism != law.mechanism and not t.special]
-    simple = [t for t in simple if not field_alone([t.mechanism])]
-    simple = [t for t in simple if not any(f.inner for f in t.free)]
+    simple = [t for t in simple if not stands_beside(t) and not any(f.inner for f in t.free)]
     try:
         plain = own.fit(search.base.hypothesis, search.base.values)
         bank = make_bank(own, plain, simple)
@@ -367,8 +366,8 @@ def leaders(ranked: Sequence[Signature], count: int) -> list[Signature]:
 
 def _nearest(ranked: Sequence[Signature], count: int) -> list[Signature]:
     """The same, and the best of those that stand beside others alone: they take no other law's place."""
-    beside = [s for s in ranked if field_alone([s.term.mechanism])]
-    return leaders([s for s in ranked if not any(s is b for b in beside)], count) + beside[:1]
+    named, beside = ([s for s in ranked if stands_beside(s.term) is kind] for kind in (False, True))
+    return leaders(named, count) + beside[:1]
 
 
 def _refitted(search: SetSearch, base: Fit, signatures: Sequence[Signature]) -> list[Fit]:
@@ -494,7 +493,7 @@ def _from_the_first_third(search: SetSearch) -> list[tuple[Signature, Signature,
     whole = search.fitter
     short = Fitter(whole.cases, whole.predictor, third, whole.stop).tightened(whole.closeness)
     start = short.fit(search.base.hypothesis, search.base.values)
-    bank = make_bank(short, start, [t for t in search.terms if len(t.free) <= 2 and not field_alone([t.mechanism])])
+    bank = make_bank(short, start, [t for t in search.terms if len(t.free) <= 2 and not stands_beside(t)])
     tried: set[tuple[str, str]] = set()
     mechanisms = [s.term.mechanism for s in bank.signatures]
     ranked = pair_gains(bank.left, mechanisms, [s.directions for s in bank.signatures])
@@ -544,9 +543,9 @@ def _beside_each(
     chosen: dict[frozenset[str], tuple[Trial, Signature]] = {}
     for _, _, first, second in sorted(ranked, key=lambda r: r[:2]):
         chosen.setdefault(frozenset((first.term.label, second.term.label)), (first, second))
-    every = list(chosen.values())
-    named = [pair for pair in every if not field_alone([pair[1].term.mechanism])]
-    pairs = named[: sets.pairs] + [pair for pair in every if not any(pair is n for n in named)][: sets.variants]
+    every = chosen.values()
+    named, extra = ([pair for pair in every if stands_beside(pair[1].term) is kind] for kind in (False, True))
+    pairs = named[: sets.pairs] + extra[: sets.variants]
 
     def fitted(own: Fitter, first: Trial, second: Signature) -> Fit:
         assert first.fit is not None
@@ -556,6 +555,11 @@ def _beside_each(
     return [(first.signature, second, fit) for (first, second), fit in zip(pairs, fits, strict=True)]
 
 
+def stands_beside(term: Term) -> bool:
+    """Whether a candidate has a name beside another law alone: it is asked with others and takes no place of theirs."""
+    return field_alone([term.mechanism])
+
+
 def any_field(a: Term, b: Term, terms: Sequence[Term]) -> bool:
     """Whether both push, or one of them on some of the bodies only: together they imitate any force in space.
 
@@ -563,7 +567,7 @@ def any_field(a: Term, b: Term, terms: Sequence[Term]) -> bool:
     on one of them. So do a force from a point that nobody sees, or that of a curved surface, and one between bodies: of
     disks that repel one another their middle repels each.
     """
-    places = any(has_role(t.mechanism, "source") or field_alone([t.mechanism]) for t in (a, b))
+    places = any(has_role(t.mechanism, "source") or stands_beside(t) for t in (a, b))
     if places and (_at_a_distance(a) or _at_a_distance(b)):
         return True
     if field_alone((a.mechanism, b.mechanism)):
