@@ -36,6 +36,27 @@ def _keep_to_own_cores() -> None:
 _keep_to_own_cores()
 
 
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--part", metavar="K/N", help="only the K-th of N parts of what is selected, each about as long")
+
+
+@pytest.hookimpl(trylast=True)  # after -m and -k
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Every N-th test, from the K-th on: neighbours in a file take about as long, and land in different parts."""
+    part = config.getoption("--part")
+    if part is None:
+        return
+    try:
+        k, n = (int(number) for number in part.split("/"))
+    except ValueError:
+        k, n = 0, 0
+    if not 1 <= k <= n:
+        raise pytest.UsageError(f"--part {part}: should be K/N with 1 <= K <= N, as in 1/8")
+    chosen = items[k - 1 :: n]
+    config.hook.pytest_deselected(items=[item for item in items if item not in chosen])
+    items[:] = chosen
+
+
 @pytest.fixture(scope="session", autouse=True)
 def laws_shared_out() -> None:
     """Each of several workers begins with laws of its own and finds the others' compiled when it comes to them.

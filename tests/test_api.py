@@ -372,6 +372,7 @@ def test_files_that_are_no_verdict(verdict, tmp_path, change, message):
 # ---- the page ------------------------------------------------------------------------------------------
 
 
+@pytest.mark.deep
 def test_the_page_on_python(tmp_path):
     """Its blocks run one after the other, and find the drag that its tracks were made with."""
     from test_docs import DOCS, blocks, run

@@ -46,6 +46,7 @@ def block(duration: float) -> Recording:
     return Recording("block", scene, t, ("block",), xy, sampling=120.0, position_noise=NOISE)
 
 
+@pytest.mark.deep
 def test_a_picture_at_its_bound_is_not_named_beside_a_friction():
     """The picture took up how sharply the friction turns, its scale ended at 0.7, and friction was told as 0.114."""
     verdict = diagnose([block(6.0)]).verdict

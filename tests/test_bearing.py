@@ -63,6 +63,7 @@ def test_common_runs_give_the_derivatives_of_single_ones(laws, most, monkeypatch
     assert (runs[0] == runs[1]) == (most == 1.0)
 
 
+@pytest.mark.deep
 def test_of_more_impacts_than_can_be_fitted_the_first_ones_are():
     recording = three_meetings()
     (case,) = prepare_all([recording])

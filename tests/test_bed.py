@@ -218,6 +218,7 @@ def test_many_swaps_among_lost_sightings_are_put_right(name):
 # ---- a cut out of the bed --------------------------------------------------------------------
 
 
+@pytest.mark.deep
 def test_grains_far_off_are_walls_that_move_as_seen():
     """The swimmer's disks go where they go in the whole bed, to within what noise makes of them."""
     scene = read_scene(POCKET)
@@ -592,6 +593,7 @@ def test_weak_joint_is_named_though_sightings_are_lost_and_labels_swapped():
     assert shown.disks.shape == (len(seen.beds[0].starts), 7)
 
 
+@pytest.mark.deep
 def test_stiffness_that_was_off_is_recalibrated_and_nothing_else_named():
     # the plan of an idle machine: with fewer windows the interval just misses the truth
     found = diagnose_bed([small("small_stiffness")], plan=Plan(3, 1, 8, 45, 4), candidates=FEW, minutes=60.0)
@@ -601,6 +603,7 @@ def test_stiffness_that_was_off_is_recalibrated_and_nothing_else_named():
     assert stiffness["low"] < 1.5e-3 < stiffness["high"] and stiffness["high"] < 1.9e-3
 
 
+@pytest.mark.deep
 def test_a_wrong_scale_of_the_picture_is_read_off_the_swimmer():
     true = small("small_nothing")
     bed = case_of("small_nothing")
@@ -654,6 +657,7 @@ def test_a_swimmer_that_ends_elsewhere_than_its_replicates_is_no_match():
     assert discrepancy.place.region == "swimmer" and "no law" in discrepancy.text and discrepancy.place.p < 1e-3
 
 
+@pytest.mark.deep
 def test_nothing_is_named_where_nothing_is_missing_and_the_report_is_written(tmp_path):
     diagnose([small("small_nothing")], tmp_path / "out", minutes=0.3)
     verdict = json.loads((tmp_path / "out" / "verdict.json").read_text())
@@ -711,6 +715,7 @@ def test_p_is_not_small_where_the_scene_is_the_truth():
     assert not any(d.verdict["mechanisms"] for d in found)
 
 
+@pytest.mark.deep
 def test_an_interrupted_diagnosis_goes_on_with_the_same_bits(tmp_path, monkeypatch):
     monkeypatch.setattr("granswim_pymunk.inference.kept.cache_folder", lambda: tmp_path)
     recording = small("small_joint")
@@ -788,6 +793,7 @@ def test_circles_touch_three_others_from_outside():
     assert centre == pytest.approx([0.3, 0.3]) and size == pytest.approx(1.5)
 
 
+@pytest.mark.deep
 def test_grains_that_were_not_found_are_where_a_void_stays_open():
     found = lost = 0
     for name, seed in (("small_nothing", 4), ("small_joint", 7)):
@@ -859,6 +865,7 @@ def test_links_that_follow_from_a_radius_that_is_off_are_as_long_as_they_are_see
     assert not picture_scale([bed.case]).wrong
 
 
+@pytest.mark.deep
 def test_a_law_is_named_though_grains_were_not_found():
     """Without them the windows beside leave four times what replicates do, and what is explained is 0.6."""
     verdict, out = named(without(small("small_joint"), 4))
@@ -866,6 +873,7 @@ def test_a_law_is_named_though_grains_were_not_found():
     assert verdict["explained"]["share"] > 0.7 and verdict["complete"]
 
 
+@pytest.mark.deep
 def test_a_law_is_named_in_a_film_as_real_ones_are():
     """Radii off by 2 %, masses by 3 %, one grain in fifty not found, none of it said.
 
@@ -876,6 +884,7 @@ def test_a_law_is_named_in_a_film_as_real_ones_are():
     assert verdict["explained"]["share"] > 0.5
 
 
+@pytest.mark.deep
 def test_a_picture_that_no_link_can_tell_the_scale_of_is_told_by_walls_and_period():
     """Radii off by 2 %, those of disks and with them the links, too, and the picture 0.5 % small, none of it said.
 

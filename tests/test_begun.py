@@ -57,6 +57,7 @@ def frames_left_out(verdict) -> int:
     return int(re.search(r"the first (\d+) frames are left out", note).group(1))
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize("pushed", [2, 3])
 def test_what_a_hand_does_is_no_law(pushed):
     """It was a stream of air, or a drag that changes with the place, and complete."""
@@ -65,6 +66,7 @@ def test_what_a_hand_does_is_no_law(pushed):
     assert pushed <= frames_left_out(found) <= pushed + 2
 
 
+@pytest.mark.deep
 def test_the_drag_after_a_launcher_is_found():
     """The launcher was told as a drag that is negative where it stands, and held-out data went 5 m astray."""
     found = diagnose([thrown(5, drag=5e-4)]).verdict
@@ -74,6 +76,7 @@ def test_the_drag_after_a_launcher_is_found():
     assert entry["name"] == "quadratic_drag" and c["low"] < 5e-4 < c["high"]
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize(
     "film",
     [{"drag": 5e-4}, {"drag": 5e-4, "wind": 0.004}, {"drag": 3e-5}, {}, {"slow": 8.0}, {"drag": 1e-4, "slow": 8.0}],
@@ -107,6 +110,7 @@ def looked_at(recording: Recording) -> tuple[Study, FittedAlone]:
     return study, tried_alone(study, *calibrated(study))
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize("bend", [0.3, 0.6])
 def test_a_hand_is_seen_though_more_is_missing_all_along(bend):
     """A toy car's first frames were left in, as a bent track leaves more than noise all along."""
@@ -121,6 +125,7 @@ def test_more_that_is_missing_all_along_is_no_hand():
     assert without_first_frames(study, tried) is None
 
 
+@pytest.mark.deep
 def test_a_held_out_throw_is_followed_from_where_the_hand_lets_go():
     """Its start was fitted to frames in the hand, and held-out data turned the right law down."""
     found = diagnose([thrown(4, drag=5e-4)], hold_out=[replace(thrown(5, drag=5e-4, seed=9), name="again")]).verdict

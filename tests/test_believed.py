@@ -77,6 +77,7 @@ def test_radii_count_where_bodies_meet():
     assert told["restitution"] > 0.02 and told["uniform_force"] < 1e-3
 
 
+@pytest.mark.deep
 def test_what_the_verdict_says_is_wider_by_the_mass():
     """The interval of a drag grows by what the mass is unknown, beside what the data and an unseen slope leave."""
     widths = {}
@@ -88,6 +89,7 @@ def test_what_the_verdict_says_is_wider_by_the_mass():
     assert np.sqrt(widths[0.02] ** 2 - widths[None] ** 2) == pytest.approx(0.02 * 0.01, rel=0.2)
 
 
+@pytest.mark.deep
 def test_masses_off_as_stated_are_no_physics():
     """A car on a spring: a mass 2 % off changes the period, and 2 % were stated."""
     body = Body("c", "free", 0.02, 0.3, initial=(0.08, 0.0, 0.0, 0.0))
@@ -135,6 +137,7 @@ def test_masses_that_show_in_motion_are_numbers_of_every_fit(scene, shown):
         assert [t.label for t in study.believed] == [f"mass_error[{name}]" for name in shown if error]
 
 
+@pytest.mark.deep
 def test_two_gliders_with_masses_off_as_stated_lack_nothing():
     """A law, as a cubic spring, has to explain what such masses cannot; the first screen tells of the masses alone."""
     heavier = tuple(replace(b, mass=b.mass * r) for b, r in zip(GLIDERS.bodies, (1.008, 0.991), strict=True))
@@ -145,6 +148,7 @@ def test_two_gliders_with_masses_off_as_stated_lack_nothing():
     assert any("as far off as was stated" in note for note in verdict["notes"])
 
 
+@pytest.mark.deep
 def test_a_stream_beside_an_adjustable_drag_is_not_what_masses_do():
     """Of it only products are known, so that the intervals of its numbers hold nought one by one; it is there all the
     same."""
@@ -163,6 +167,7 @@ def met(truth: Scene, **errors):
     return replace(recording, scene=replace(MEETING, bodies=bodies))
 
 
+@pytest.mark.deep
 def test_an_impact_that_loses_a_per_cent_more_is_named():
     """Loose joints at impacts allow for as much; masses and radii are numbers of the fit, and do not do it."""
     verdict = diagnose_tracks([met(replace(MEETING, laws=(use("contact_elastic", restitution=0.93),)))]).verdict
@@ -173,6 +178,7 @@ def test_an_impact_that_loses_a_per_cent_more_is_named():
     assert e["high"] - e["low"] < 0.03
 
 
+@pytest.mark.deep
 def test_a_radius_that_is_off_is_no_physics_and_not_complete():
     bodies = tuple(replace(b, radius=b.radius * r) for b, r in zip(MEETING.bodies, (1.02, 1.03), strict=True))
     verdict = diagnose_tracks([met(replace(MEETING, bodies=bodies))]).verdict
@@ -182,6 +188,7 @@ def test_a_radius_that_is_off_is_no_physics_and_not_complete():
     assert right["verdict"] == "no_mismatch" and right["complete"] is True
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize(
     ("off", "errors", "told", "complete"),
     [((1.015, 1.01), {"radius_error": 0.02}, "as far off as was stated", True),
@@ -216,6 +223,7 @@ def test_errors_are_unlikely_as_often_as_is_said():
     assert chance_of_errors(np.full(2, 0.01), priors[:2], np.diag(priors[:2] ** 2)) == 1.0
 
 
+@pytest.mark.deep
 def test_of_equals_what_laboratories_are_off_by_is_named():
     """A car on a spring whose period is off: half a per cent of mass, or a spring that bends a little."""
     from test_diagnosis import SWING, cart, filmed

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+import pytest
 
 from granswim_pymunk.inference.candidates import named_terms
 from granswim_pymunk.inference.judge import Claim
@@ -47,6 +48,7 @@ def test_what_a_start_explains_is_no_law(monkeypatch):
     assert len(again) == 1 and again[0].chi2 < plain.chi2 + 1e-3 and model.tried.recalibrated is again[0]
 
 
+@pytest.mark.deep
 def test_laws_are_tried_again_from_where_a_caught_scene_got_free(monkeypatch):
     """What laws do to first order, and their own fits, begin where the scene without them is: not where it was."""
     disk = Body("a", "free", 0.01, 0.02, initial=(0.0, 0.0, 0.4, 0.1))

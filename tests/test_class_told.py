@@ -27,6 +27,7 @@ def up_a_slope() -> Recording:
     return Recording("puck", scene, t, ("puck",), xy, sampling=60.0, position_noise=NOISE)
 
 
+@pytest.mark.deep
 def test_what_came_back_was_no_friction():
     verdict = diagnose([up_a_slope()]).verdict
     (named,) = verdict["mechanisms"]
@@ -48,6 +49,7 @@ def through_air_up_a_slope() -> Recording:
     return Recording("puck", scene, t, ("puck",), xy, sampling=60.0, position_noise=NOISE)
 
 
+@pytest.mark.deep
 def test_what_came_back_was_no_friction_beside_a_drag_either():
     verdict = diagnose([through_air_up_a_slope()]).verdict
     named = {m["name"]: m["parameters"] for m in verdict["mechanisms"]}

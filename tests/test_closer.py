@@ -55,6 +55,7 @@ def test_beside_a_drag_close_joints_show_what_an_impact_lacks(restitution, shows
     assert shows_one_more(fitter, fit, others) is None
 
 
+@pytest.mark.deep
 def test_a_drag_does_not_hide_a_restitution():
     """The drag alone was named, nothing was told of the impacts, and unseen frames were off by 46 times the noise."""
     verdict = diagnose([bouncing(0.86)]).verdict

@@ -43,6 +43,7 @@ def test_a_table_that_is_bent_along_x_pushes_nothing_along_y():
     assert run.state().xy[0] == pytest.approx([0.3 * math.cosh(rate), 0.1], abs=1e-7)
 
 
+@pytest.mark.deep
 def test_a_car_on_a_bent_track_has_its_friction_and_the_bend():
     made = school.bent(np.random.default_rng(5), "bent-5")
     verdict = diagnosed(made)

@@ -150,6 +150,7 @@ def test_tilted_table_is_a_uniform_force_with_both_components():
     np.testing.assert_allclose(entry["parameters"]["a"]["value"], (0.02, -0.01), atol=1e-3)
 
 
+@pytest.mark.deep
 def test_pushes_in_three_directions_are_no_tilt_and_have_no_name():
     """Disks that are each pushed elsewhere are not on a tilted table, though a force for each would fit."""
     pushes = {"0": (0.05, 0.0), "1": (-0.05, 0.03), "2": (0.0, -0.06)}
@@ -160,6 +161,7 @@ def test_pushes_in_three_directions_are_no_tilt_and_have_no_name():
     assert found.verdict["verdict"] == "unmodelled" and not found.verdict["complete"]
 
 
+@pytest.mark.deep
 def test_a_push_on_one_disk_is_located_there():
     truth = table(use("uniform_force", a=(0.05, -0.03), bodies=["1"]))
     found = diagnose_tracks([filmed(truth, table(), SHORT, np.random.default_rng(5))])
@@ -168,6 +170,7 @@ def test_a_push_on_one_disk_is_located_there():
     np.testing.assert_allclose(entry["parameters"]["a"]["value"], (0.05, -0.03), atol=1e-3)
 
 
+@pytest.mark.deep
 def test_a_force_on_a_slanted_rail_is_told_along_the_rail():
     """What points across moves nothing: no component is known, and their fixed ratio is no knowledge of either."""
     rail = np.array([math.sin(0.9), math.cos(0.9)])
@@ -199,6 +202,7 @@ def test_nothing_missing_gives_no_mismatch():
     assert verdict["null"]["p_false_alarm"] >= 1 / (verdict["null"]["replicates"] + 1)
 
 
+@pytest.mark.deep
 def test_a_null_says_how_large_what_was_not_seen_may_be():
     """A drag of three standard errors of the film: nothing is named, and the bound that is told holds it."""
     truth = replace(table(), laws=(*table().laws, use("linear_drag", c=2e-5)))
@@ -218,6 +222,7 @@ def test_lossy_collision_is_restitution():
     assert found.verdict["heldout"] == ("undecided" if alone else "holds") and found.verdict["complete"]
 
 
+@pytest.mark.deep
 def test_an_adjustable_restitution_is_recalibrated_and_no_physics_named():
     belief = collision(0.95, adjustable=(Adjustable("contact_elastic", "restitution", 0.5, 1.0),))
     found = diagnose_tracks([filmed(collision(0.8), belief, SHORT, np.random.default_rng(7))])
@@ -249,6 +254,7 @@ def test_the_apparatus_is_suspected_before_physics(camera, name):
         assert rivals["uniform_force"] is True
 
 
+@pytest.mark.deep
 def test_two_laws_that_are_needed_together():
     truth = cart(use("linear_drag", c=0.05), use("coulomb_substrate", mu=0.003))
     found = diagnose_tracks([filmed(truth, cart(), SWING, np.random.default_rng(10), noise=1e-4)])
@@ -256,6 +262,7 @@ def test_two_laws_that_are_needed_together():
     assert heldout(found)["revised"] < 1.5 * heldout(found)["noise_floor"]
 
 
+@pytest.mark.deep
 def test_two_laws_where_neither_alone_comes_near():
     """Dry friction and a wind, beside a drag of unknown size: what explains most alone is no part of it."""
     drag = use("linear_drag", c=0.005)
@@ -283,6 +290,7 @@ def test_pushes_from_body_to_body_are_no_pair():
     assert not any_field(wind, drag, terms) and not any_field(drag, push, terms)
 
 
+@pytest.mark.deep
 def test_a_drag_beside_a_push_on_one_disk():
     """A fan blows on one of two disks, and both are slowed: the push is not told as what the drag makes of it."""
     truth = table(use("uniform_force", a=(-0.12, -0.08), bodies=("1",)), use("linear_drag", c=0.002))
@@ -340,6 +348,7 @@ def test_a_repulsion_and_a_drag_when_neither_helps_alone():
     assert entries["linear_drag"]["c"]["value"] == pytest.approx(0.005, rel=0.05)
 
 
+@pytest.mark.deep
 def test_wind_over_the_table_is_an_ambient_flow():
     truth = table(use("ambient_flow", c=0.004, u=(0.1, -0.05)))
     found = diagnose_tracks([filmed(truth, table(), SHORT, np.random.default_rng(16))])
@@ -348,6 +357,7 @@ def test_wind_over_the_table_is_an_ambient_flow():
     np.testing.assert_allclose(entry["parameters"]["u"]["value"], (0.1, -0.05), atol=5e-3)
 
 
+@pytest.mark.deep
 def test_balls_in_the_wind_are_dragged_with_the_square_of_the_speed():
     """By no stream with a linear drag, and by no quadratic one in still air: named as a stream, told with its law."""
     starts = {"a": (0.0, 2.0, 0.2, 1.0), "b": (0.3, 2.0, 0.8, 2.0)}
@@ -380,6 +390,7 @@ def test_a_wind_is_for_what_flies():
         assert ("coulomb_substrate" in labels) != expected
 
 
+@pytest.mark.deep
 def test_limits_of_numbers_that_are_known_only_together():
     """Beside an adjustable drag a flow shows as c u and as the sum of both c: profiles go along that valley."""
     truth = table(use("linear_drag", c=0.006), use("ambient_flow", c=0.004, u=(0.2, -0.1)))
@@ -410,6 +421,7 @@ def test_limits_of_numbers_that_are_known_only_together():
     assert not with_limits(fitter, alone, 0, 1.0).limits
 
 
+@pytest.mark.deep
 def test_a_force_to_a_point_that_nobody_sees_has_no_name_and_is_told_with_its_place():
     """Recordings of disks that are drawn to a point: no name of the contract does that, and no field in steps."""
 
@@ -445,6 +457,7 @@ OUTSIDE = {
 }
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize(
     "arm", [arm if arm == "flexible_power" else pytest.param(arm, marks=pytest.mark.long) for arm in OUTSIDE]
 )
@@ -568,6 +581,7 @@ def swimmer(*more: Any) -> Scene:
     return Scene(bodies, (use("union", stiffness=50.0, damping=300.0), bending, use("linear_drag", c=4e-4), *more))
 
 
+@pytest.mark.deep
 def test_a_swimmer_without_a_bed_has_its_own_candidates():
     """A joint at half its stiffness is told from drags; what its start was bent to do without it is left behind."""
     t, rng = np.arange(0.0, 0.5, 1 / 200), np.random.default_rng(3)
@@ -630,6 +644,7 @@ def test_a_lubrication_of_wide_range_is_found_where_it_is_far_from_small():
     assert 3e-3 < width["low"] < 4e-3 < width["high"] < 5e-3
 
 
+@pytest.mark.deep
 def test_what_a_right_law_leaves_where_its_numbers_are_found():
     """A constant push gives parabolas, so the variance of what a fit of the first frames foretells is known."""
     body = Body("a", "free", 0.01, 0.02, initial=(0.0, 0.0, 0.2, 0.1))
@@ -697,6 +712,7 @@ def test_the_inner_test_is_the_density_of_what_follows():
     assert inner.score(whole)[0] == pytest.approx(exact / (2 * rest.sum()), rel=1e-3)
 
 
+@pytest.mark.deep
 def test_held_out_recordings_are_not_looked_at_before_the_verdict():
     """Changing the held-out recording changes the held-out error and nothing else."""
     rng, drag = np.random.default_rng(11), use("linear_drag", c=0.004)
@@ -713,6 +729,7 @@ def test_held_out_recordings_are_not_looked_at_before_the_verdict():
     assert b["fit"]["heldout"]["revised"] > 10 * a["fit"]["heldout"]["revised"]
 
 
+@pytest.mark.deep
 def test_adjustables_of_a_held_out_recording_alone_are_found_with_its_start():
     rng = np.random.default_rng(16)
     body = Body("a", "free", 0.02, 0.3, initial=(0.1, 0.0, 0.0, 0.1))
@@ -735,6 +752,7 @@ def test_adjustables_of_a_held_out_recording_alone_are_found_with_its_start():
     assert length == pytest.approx(0.09, abs=1e-3)
 
 
+@pytest.mark.deep
 def test_late_camera_of_a_driven_body_is_a_time_offset():
     t = np.arange(0.0, 2.0, 0.01)
     command = tuple(0.1 * np.sin(7.0 * t) + 0.05 * np.sin(17.0 * t))
@@ -752,6 +770,7 @@ def test_late_camera_of_a_driven_body_is_a_time_offset():
     assert entry["parameters"]["offset"]["value"] == pytest.approx(0.01, abs=2e-4)
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize(
     ("fault", "name", "parameter", "true"),
     [
@@ -917,6 +936,7 @@ def test_a_fit_that_was_caught_gains_nothing_by_any_law():
     assert base is caught and trials[0].gain == 40.0
 
 
+@pytest.mark.deep
 def test_the_same_seed_gives_the_same_verdict_file(tmp_path):
     record = filmed(cart(use("linear_drag", c=0.02)), cart(), SHORT, np.random.default_rng(12), noise=1e-4)
     texts = []
@@ -970,6 +990,7 @@ def test_friction_of_a_joint_and_of_the_substrate_are_one_law_for_a_pendulum():
     assert np.abs(seen[0] - seen[1]).max() < 1e-4 * change and change > 10
 
 
+@pytest.mark.deep
 def test_a_drag_on_a_table_that_is_not_level_is_no_stream():
     """-c v + m a is -c (v - u): a stream slow beside the bodies is told as drag and tilt, itself as their equal."""
     one = replace(table(), bodies=table().bodies[:1])
@@ -999,6 +1020,7 @@ def test_numbers_that_hang_on_the_step_are_seen():
     assert moved[5e-3].max() > 1.0 and moved[2e-4].max() < 0.2
 
 
+@pytest.mark.deep
 def test_the_joint_that_drags_is_told():
     """Two arms hung from one another, filmed by their angles; only the first axle is not free."""
     verdict = diagnose_tracks([two_arms(np.arange(0.0, 1.5, 0.01))]).verdict
@@ -1008,6 +1030,7 @@ def test_the_joint_that_drags_is_told():
     assert len(verdict["mechanisms"]) == 1  # the second axle is free
 
 
+@pytest.mark.deep
 def test_friction_on_a_table_that_is_not_level_acts_on_all_disks():
     """One disk runs along the slope, which hides most of its friction: asked too early, it would have none."""
     def disks(*laws):

@@ -120,6 +120,7 @@ def test_engine_and_reference_agree_with_drags_and_inertia_beside_it():
     np.testing.assert_allclose(other.state().xy, one.state().xy, rtol=0, atol=1e-12)
 
 
+@pytest.mark.deep
 def test_a_cart_that_rests_beside_the_middle_is_told_from_one_that_creeps():
     """With friction that is smooth below 1 mm/s the rest is a creep, and a drag beside it or a scale takes it up."""
     t, mu, noise = np.arange(0.0, 4.0, 1 / 60), 0.06, 2e-4

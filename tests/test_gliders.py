@@ -66,6 +66,7 @@ def test_a_stream_has_no_component_that_a_rail_takes_away():
     assert again.alive[0].signature.directions.shape[0] == len(again.bank.left) == len(bank.left) - 1
 
 
+@pytest.mark.deep
 def test_laws_of_which_a_number_was_not_found_are_looked_for_no_more(monkeypatch):
     """A ball falls with 7.6 m/s^2: where the law that was found ended at a bound, the next one is asked."""
     t = np.arange(40) / 60

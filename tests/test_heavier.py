@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 import granswim_pymunk as gs
 from granswim_pymunk.inference.candidates import flexible_terms
@@ -29,6 +30,7 @@ def carts(heavier: float, seconds: float):
     return replace(seen, scene=Scene(believed, laws))
 
 
+@pytest.mark.deep
 def test_one_of_three_carts_is_heavier():
     """The inertia of that one is named, and not a field over the place where it happens to swing."""
     verdict = gs.diagnose(carts(0.15, 5.0), seed=1).verdict
@@ -63,6 +65,7 @@ def loaded_puck(share: float, restitution: float = 0.9):
     return replace(seen, scene=Scene(believed, laws))
 
 
+@pytest.mark.deep
 def test_one_of_two_pucks_is_heavier():
     """What it carries is struck, too; and only masses over one another are told, where no force weighs them."""
     verdict = gs.diagnose(loaded_puck(0.22), seed=1).verdict

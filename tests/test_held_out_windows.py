@@ -24,6 +24,7 @@ from granswim_pymunk.validation.pucks import LAYOUTS, draw
 from granswim_pymunk.walls import Wall
 
 
+@pytest.mark.deep
 def test_a_glancing_impact_that_a_start_may_miss_is_one_number_of_evidence():
     """Restitution 0.75 takes 4300 of chi2 away; of six pucks two graze each other in one held-out window."""
     film = draw(800, "restitution", True, LAYOUTS[:2]).recording

@@ -76,6 +76,7 @@ def test_magnets_turn_before_they_touch(made) -> None:
     assert [item.name for item in recording.scene.laws] == ["contact_elastic"]
 
 
+@pytest.mark.deep
 def test_a_repulsion_is_found_from_pieces_where_the_scene_without_it_is_lost() -> None:
     """Magnets that turn at four radii: without what repels them they collide, and every start goes to where they do."""
     tracks = Tracks([lab.magnets(np.random.default_rng(2), "magnets-2").recording])

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 import granswim_pymunk as gs
 from granswim_pymunk.inference.latecomers import without_latecomers
@@ -23,6 +24,7 @@ def two(speed=0.4, at=(1.0, 0.0), enters=1.2):
     return replace(seen, scene=believed, xy=xy, position_noise=1e-4)
 
 
+@pytest.mark.deep
 def test_the_rest_of_the_film_is_diagnosed_and_a_note_says_so():
     verdict = gs.diagnose(two(), seed=0).verdict
     assert [m["name"] for m in verdict["mechanisms"]] == ["linear_drag"]

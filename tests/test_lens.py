@@ -43,6 +43,7 @@ def test_film_through_a_lens():
         film(folded, t, distortion=0.2)
 
 
+@pytest.mark.deep
 def test_lens_is_named(tmp_path):
     """Straight ways that look bent: the lens, how strong it is and about which place, and not a force."""
     scene = sliding()

@@ -32,6 +32,7 @@ def two_arms(upper: float, lower: float, name: str, last: float):
     return replace(seen, name=name, scene=scene)
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize(("upper", "lower", "lost"), [(2.4, 1.9, True), (0.3, 0.2, False)])
 def test_windows_are_scored_where_a_run_is_lost_and_whole_runs_where_it_is_not(upper, lower, lost):
     learnt = prepare(two_arms(0.3, 0.2, "learnt", 0.8), held_out=False, split=False)

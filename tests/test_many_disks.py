@@ -62,6 +62,7 @@ def test_recalibration_gets_free_of_where_the_scene_was_caught(fits):
     assert naive.chi2 < 2 * naive.count and recalibrated.chi2 < 2 * recalibrated.count
 
 
+@pytest.mark.deep
 def test_starts_that_missed_an_impact_are_found_from_the_flights_before_it(tmp_path):
     """Nothing is missing: from the first frames the fit ended beside an impact, and left 1.3 of the noise."""
     naive, recalibrated = calibrated(study_in(tmp_path, 12, 0.95, 360))
@@ -78,6 +79,7 @@ def test_impacts_that_follow_at_once_are_seen_as_in_a_corner(tmp_path):
     assert naive.excess == 0
 
 
+@pytest.mark.deep
 def test_segments_join_no_more_closely_than_the_scene_without_a_law_follows(study, fits):
     """With the law impacts could be joined to 0.008 of what they give; without, thirty times the noise was left."""
     fitter, fit = joined_closely(study.fitter, fits[1], named_terms(study.cases))
@@ -85,6 +87,7 @@ def test_segments_join_no_more_closely_than_the_scene_without_a_law_follows(stud
     assert fits[1].chi2 < fit.chi2 < current().signatures.far ** 2 * fit.count
 
 
+@pytest.mark.deep
 def test_what_is_not_followed_from_a_start_says_nothing_against_the_right_law(study, fits):
     """From five frames before an impact two disks were struck or not: the right law seemed to leave 1.43 of 1."""
     law = next(t for t in named_terms(study.cases) if t.mechanism == "restitution")
@@ -96,6 +99,7 @@ def test_what_is_not_followed_from_a_start_says_nothing_against_the_right_law(st
     assert sum(found.counts.values()) > 0.7 * sum(int(b.rest.sum()) * 2 * COUNT for b in make_blocks(study.cases))
 
 
+@pytest.mark.deep
 def test_starts_are_drawn_where_the_flight_leaves_open_how_bodies_meet(tmp_path):
     """Of dry friction: two disks meet slowly, and the flights before lead to the wrong side of what comes of it."""
     study = study_in(tmp_path, 2, 0.95, 480, substrate=0.03, skipped=12)

@@ -95,6 +95,7 @@ def ringing(frequency=12.0, damping=0.35):
     return lambda t: found.sol(t)[0]
 
 
+@pytest.mark.deep
 def test_a_motor_that_rings_is_told_by_its_answer_to_a_step():
     recording = filmed(["cart"], [ringing()])
     found = diagnose([recording]).verdict

@@ -51,6 +51,7 @@ def test_see_moves_the_picture_from_the_first_frame_on():
     assert after[:, 0].tolist() == [[0.0, 0.0], [3.0, 4.0], [3.0, 4.0]]
 
 
+@pytest.mark.deep
 def test_a_creeping_camera_is_told_beside_the_drag_of_a_bearing(tmp_path):
     film_of_it = creeping((use("joint_drag", bodies=["bob"], c=DRAG),))
     verdict = gs.diagnose(film_of_it, out=tmp_path / "out", seed=1).verdict
@@ -126,6 +127,7 @@ def test_what_is_learnt_from_may_have_jumped_and_what_is_held_out_ends_there():
     assert "the picture jumps by 0.002" in cut.notes[-1]
 
 
+@pytest.mark.deep
 def test_a_bumped_camera_is_told_beside_the_drag_of_a_bearing():
     verdict = gs.diagnose(bumped(100), seed=1).verdict
     assert verdict["complete"]

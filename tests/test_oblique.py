@@ -4,6 +4,7 @@ import math
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 import granswim_pymunk as gs
 from granswim_pymunk.inference.camera_terms import camera_terms
@@ -36,6 +37,7 @@ def test_lengths_along_one_direction():
     np.testing.assert_allclose(both, [2.1, 1.0], atol=1e-14)
 
 
+@pytest.mark.deep
 def test_oblique_picture_is_named(tmp_path):
     """A pendulum whose picture is narrower by cos 14 degrees: no lens, no bias and no force."""
     f = math.cos(math.radians(14))

@@ -38,6 +38,7 @@ def _glide(late: float) -> tuple[np.ndarray, np.ndarray]:
     return t, np.stack([x, y], axis=-1)[:, None, :] + 3e-4 * noise
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize("late", [0.0, 0.3])
 def test_complete_is_not_said_where_only_held_out_data_show_more(late):
     t, xy = _glide(late)
@@ -50,6 +51,7 @@ def test_complete_is_not_said_where_only_held_out_data_show_more(late):
         assert left["looks_like"] == "physics that the training part does not show"
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize("late", [0.0, 0.3])
 def test_the_first_screen_says_what_only_held_out_data_show(late):
     """Nothing is missing in what was learnt from: no law is claimed, and nobody is told that all is well."""

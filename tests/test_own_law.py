@@ -72,6 +72,7 @@ def test_it_is_tried_in_every_kind_of_recording(sideways, candidates):
     assert sideways.name in candidates()
 
 
+@pytest.mark.deep
 def test_it_is_named_in_tracks_of_bodies(sideways: Law):
     naive = table()
     seen = filmed(naive, naive, SHORT, np.random.default_rng(3))
@@ -105,6 +106,7 @@ def test_it_is_named_through_impacts(sideways: Law):
     assert entry["name"] == sideways.name and entry["parameters"]["c"]["value"] == pytest.approx(0.02, rel=0.05)
 
 
+@pytest.mark.deep
 def test_it_is_named_in_a_bed_that_is_seen(sideways: Law):
     recorded = bed()
     case = bed_case(recorded)

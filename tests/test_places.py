@@ -1,11 +1,13 @@
 """Places where nothing is missing: z of the first is no larger than chance makes it."""
 
 import numpy as np
+import pytest
 
 from granswim_pymunk.inference.criteria import using
 from granswim_pymunk.validation.place_nulls import EVERY, of_bodies, page
 
 
+@pytest.mark.deep
 def test_a_window_across_an_impact_is_no_place():
     """Its own start is hard to find from frames before the impact; the whole run passes there within the noise."""
     with using(EVERY):

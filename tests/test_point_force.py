@@ -92,6 +92,7 @@ def test_it_is_no_law_beside_a_force_between_bodies():
     assert not any_field(point, terms["linear_drag"], list(terms.values()))
 
 
+@pytest.mark.deep
 def test_held_out_data_ask_for_the_point_where_they_turn_a_name_down():
     """A force between the pucks follows the short part that is learnt from, and was withdrawn: nothing was told."""
     found = diagnose([pucks(FORCES[""][0])]).verdict
@@ -102,6 +103,7 @@ def test_held_out_data_ask_for_the_point_where_they_turn_a_name_down():
     assert all(low < at < high for low, at, high in zip(told["a"]["low"], POINT, told["a"]["high"], strict=True))
 
 
+@pytest.mark.deep
 def test_it_is_asked_for_beside_what_slows_the_pucks_down():
     """Alone it explains less than a drag, and neither was told: a push on one puck and a stream were."""
     drag, strength, starts = 0.01, -2e-2 * RADIUS**3, ((-0.2, 0.0, 0.35, 0.02), (0.3, 0.05, -0.45, -0.03))

@@ -78,6 +78,7 @@ def test_a_search_led_by_longer_steps_ends_where_one_with_fine_steps_does():
         assert other.runs and not other.with_steps(longer).runs  # counted where the others are
 
 
+@pytest.mark.deep
 def test_inertia_that_was_not_counted_is_added_mass():
     found = diagnose_tracks([filmed(pendulum(use("added_mass", beta=0.1)), pendulum(), 3)])
     verdict = found.verdict

@@ -38,6 +38,7 @@ def test_other_laws_have_no_form():
     assert told_as(numbers) == ""
 
 
+@pytest.mark.deep
 def test_a_table_that_leans_is_told_in_degrees():
     assert degrees_of_tilt((9.81 * math.sin(math.radians(2.0)), 0.0)) == pytest.approx(2.0)
     t = np.arange(60) / 30

@@ -174,6 +174,7 @@ def on_a_turning_table(speed: float, drag: float, seconds: float, seed: int) -> 
     return Recording("table", scene, t, ("puck",), xy[:, None], angle, position_noise=noise, sampling=60.0)
 
 
+@pytest.mark.deep
 def test_a_spring_far_off_is_not_all_there_is_where_a_force_across_the_motion_does_as_well():
     """A spring of three numbers, its end a radius of curvature away, leaves noise; so does one number."""
     found = diagnose([on_a_turning_table(0.6, 0.02, 2.5, 3)]).verdict

@@ -130,6 +130,7 @@ def test_laws_of_a_pendulum_are_told_as_those_of_its_joint(kind, names, expected
             assert abs(value - amounts[name]) < 4 * math.sqrt(variance) and math.sqrt(variance) < 0.05 * value
 
 
+@pytest.mark.deep
 def test_a_pair_begins_anew_from_shapes_that_are_usual():
     """A repulsion as d^-2 beside a drag, stuck at d^-6: strength and power lie along a valley."""
     radius, mass, s, n, c = 0.02, 0.05, 0.05, 2.0, 0.02
@@ -269,6 +270,7 @@ def drawn_together(attraction: float) -> Recording:
     return Recording("pucks", scene, t, ("a", "b"), seen, position_noise=2e-4)
 
 
+@pytest.mark.deep
 def test_a_force_whose_power_nobody_can_tell_is_no_less_there():
     """At one distance a strength may be anything with a power to match, and its interval crossed none."""
     for attraction, expected in ((0.05, []), (0.0, ["distance_force"])):

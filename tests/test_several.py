@@ -4,6 +4,7 @@ import math
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from granswim_pymunk.inference import diagnose
 from granswim_pymunk.inference.candidates import named_terms
@@ -45,6 +46,7 @@ def two_pucks(seed: int, late: int) -> Recording:
     return Recording("pucks", scene, t, ("a", "b"), xy, sampling=60.0, position_noise=NOISE)
 
 
+@pytest.mark.deep
 def test_a_camera_that_was_turned_between_two_films_is_named_for_that_film():
     verdict = diagnose([thrown("one", 1), thrown("two", 2, turn=0.035)]).verdict
     assert verdict["verdict"] == "measurement"

@@ -70,6 +70,7 @@ def test_it_is_asked_of_what_nothing_holds():
     assert not springs(replace(recording, scene=replace(Scene((PUCK,)), gravity=(0.0, -9.81))))
 
 
+@pytest.mark.deep
 def test_what_comes_closest_is_told_where_nothing_is_named():
     model = Tracks([puck(0.03, 2.0)])
     model.recalibrate()

@@ -232,6 +232,7 @@ class TestKicks:
             noisy[lost, 1] = np.nan
             assert len(cut_at_kicks(prepare(recorded(t, noisy), held_out=False, split=True)).kicks) == cuts
 
+    @pytest.mark.deep
     def test_friction_is_told_on_both_sides_of_a_stop(self):
         """A block slides against a stop at x = 0.8 m that the scene has not, and back at half its speed."""
         t, slow = np.arange(300) / 100, 0.03 * 9.81
@@ -248,6 +249,7 @@ class TestKicks:
         assert verdict["remains"]["when"]["t"][0] == pytest.approx(stop, abs=0.01)
         assert verdict["heldout"] == "holds"
 
+    @pytest.mark.deep
     def test_a_stop_alone_is_no_match(self):
         t = np.arange(240) / 60
         x = np.where(t < 2.0, 0.6 * t, 1.2 - 0.36 * (t - 2.0))
@@ -258,6 +260,7 @@ class TestKicks:
         assert "at once" in verdict["remains"]["looks_like"]
 
 
+@pytest.mark.deep
 def test_inertia_is_no_smaller_where_gravity_pulls():
     """A scale that is twice too large makes a throw fall with twice gravity: no body has half its inertia for that."""
     t = np.arange(48) / 60
@@ -272,6 +275,7 @@ def test_inertia_is_no_smaller_where_gravity_pulls():
     assert verdict["mechanisms"][0]["parameters"]["a"]["value"][1] == pytest.approx(-9.81, rel=0.02)
 
 
+@pytest.mark.deep
 def test_a_drop_that_is_held_at_first_has_its_drag():
     t, xy = dropped(10)
     verdict = api.diagnose(t, xy, radius=0.1, mass=0.05, gravity=GRAVITY).verdict
@@ -280,6 +284,7 @@ def test_a_drop_that_is_held_at_first_has_its_drag():
     assert "quadratic_drag" in (names + same) and "lens_distortion" not in names, (names, same)
 
 
+@pytest.mark.deep
 def test_a_rod_that_was_taken_for_a_point_keeps_its_bearing_as_a_second_law():
     """Beside inertia that is wrong a bearing shows as a part only of what is left, and far below its spread."""
     t, length = np.arange(600) / 60, 0.6
@@ -298,6 +303,7 @@ def test_a_rod_that_was_taken_for_a_point_keeps_its_bearing_as_a_second_law():
     assert verdict["fit"]["heldout"]["revised"] < 2 * verdict["fit"]["heldout"]["noise_floor"]
 
 
+@pytest.mark.deep
 def test_a_pivot_that_shakes_is_unmodelled_and_told_as_an_oscillation():
     t, length, rate, size = np.arange(720) / 60, 0.25, 9.0, 4e-3
 
@@ -332,6 +338,7 @@ def test_noise_has_no_line_and_a_line_is_found():
             assert line.frequency == pytest.approx(3.3, rel=0.02)
 
 
+@pytest.mark.deep
 def test_a_number_of_the_scene_that_would_do_is_told():
     """A spring that is a tenth longer at rest moves its mass as a picture a tenth larger does."""
     t, mass, stiffness, length = np.arange(240) / 60, 0.1, 12.0, 0.22
@@ -355,6 +362,7 @@ def test_a_number_of_the_scene_that_would_do_is_told():
     assert low < length < high and value == pytest.approx(length, rel=0.002)
 
 
+@pytest.mark.deep
 def test_noise_is_slow_though_one_law_alone_leaves_more_than_noise():
     """What two laws leave shows how the noise remembers; white noise of its size would call the numbers too certain."""
     t, mass = np.arange(300) / 50, 0.3
@@ -377,6 +385,7 @@ def test_noise_is_slow_though_one_law_alone_leaves_more_than_noise():
         assert number["low"] < true < number["high"], number
 
 
+@pytest.mark.deep
 def test_pendulums_that_a_spring_couples():
     t, length, apart, mass = np.arange(300) / 50, 0.5, 0.3, 0.1
 
@@ -428,6 +437,7 @@ class TestLabels:
         assert "tracks of a and c" in note and "t = 1.667 s" in note and "80 frames" in note
 
 
+@pytest.mark.deep
 def test_a_frame_rate_that_would_do_is_told():
     """The stamps of a pendulum run 3 % slow: so does a bob that is lighter than gravity pulls it."""
     t, length, mass = np.arange(240) / 60, 0.4, 0.1
@@ -478,6 +488,7 @@ def test_a_stream_over_bodies_of_one_mass_is_told_as_a_drag_and_a_push_as_well(m
     assert (says in notes[0] and ("leans" in notes[0]) == flat) if says else not notes
 
 
+@pytest.mark.deep
 def test_a_dead_band_of_a_motor_is_named():
     t = np.arange(300) / 50
     command = 0.35 * np.sin(2.5 * t) * (1 + 0.3 * np.sin(0.9 * t))
@@ -578,6 +589,7 @@ def test_a_number_is_set_free_where_nothing_is_complete_without(complete, how, m
         assert diagnosis.runs == 1 and diagnosis.verdict["notes"] == ["run 1"]
 
 
+@pytest.mark.deep
 def test_slow_noise_is_not_taken_for_a_force_in_time():
     """A form with many numbers follows the slow part of the noise, and would leave none to be told: a name tells it."""
     rng, noise, memory = np.random.default_rng(3), 3e-4, 8.0
@@ -595,6 +607,7 @@ def test_slow_noise_is_not_taken_for_a_force_in_time():
     assert any("the noise has a slow part" in note for note in verdict["notes"])
 
 
+@pytest.mark.deep
 def test_a_bent_picture_is_no_explanation_where_a_plainer_force_does_as_well():
     """Of a spinning ball a lens and a stream with six numbers were named, and left 64 times the noise of later data."""
     t, mass, turn = np.arange(0.0, 0.9, 1 / 240), 0.0027, 0.6

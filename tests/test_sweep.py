@@ -135,6 +135,7 @@ if __name__ == "__main__":
 """
 
 
+@pytest.mark.deep
 def test_a_law_of_a_script_on_workers(tmp_path: Path) -> None:
     """Laws, scenes and measurements that stand in a script, or come from the standard input, reach the workers."""
     said = {}

@@ -58,6 +58,7 @@ def film(path, xy, **look):
     return path
 
 
+@pytest.mark.deep
 def test_the_tutorial_from_a_film_of_pucks_to_a_verdict(tmp_path):
     """The code and the commands of the page; noise of the film keeps the encoder busy for ten seconds."""
     page = DOCS / "tutorial_video.md"

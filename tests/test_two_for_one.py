@@ -38,6 +38,7 @@ def pucks_on_a_slope() -> Recording:
     return Recording("slope", Scene(bodies, ()), t, names, xy, sampling=RATE, position_noise=NOISE)
 
 
+@pytest.mark.deep
 def test_a_drag_on_a_table_that_is_not_level_is_no_bent_picture():
     """A lens whose middle is sought has three numbers, as both laws together, and leaves a little of each."""
     verdict = diagnose([pucks_on_a_slope()]).verdict
@@ -47,6 +48,7 @@ def test_a_drag_on_a_table_that_is_not_level_is_no_bent_picture():
     assert named["uniform_force"]["a"]["value"] == pytest.approx(SLOPE, abs=3e-4)
 
 
+@pytest.mark.deep
 def test_a_cart_with_a_fan_is_pushed_and_slowed_and_no_bent_picture():
     """Before it goes at half its last speed a stream would be faster than any body, and a lens bends as much."""
     t, push, rate = np.arange(200) / 50, 0.252, 0.3

@@ -377,6 +377,7 @@ def test_a_users_law_is_tried_at_what_it_says_and_then_at_what_its_unit_tells(ow
     assert abs(math.log2(amount.factor / (found.other * 4.0 / 30.0))) <= 0.5
 
 
+@pytest.mark.deep
 def test_a_law_of_the_users_own_is_named_in_the_world(world, own_law):
     mine = own_law(kind="body", c={"unit": "kg/m", "meaning": "drag", "low": 0.0, "typical": 3e-3})
     World.candidates = {}
@@ -537,6 +538,7 @@ def with_a_weak_joint(films: int, seed: int) -> Diagnosis:
     return diagnose_unseen(filmed({"weak_joint at joint 3": [0.85], "stiffness": [1.95e-3]}, seed, films))
 
 
+@pytest.mark.deep
 def test_a_law_of_the_world_is_named_from_one_film_and_from_four(world):
     off: list[float] = []
     for films, seed in ((1, 3), (1, 4), (1, 5), (4, 3)):
@@ -558,6 +560,7 @@ def test_a_law_of_the_world_is_named_from_one_film_and_from_four(world):
     assert chi2.sf(np.sum(np.square(off)), len(off)) > 1e-3
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize("films", [1, 3])
 def test_rivals_have_their_gain_on_held_out_data(world, films):
     """Half the fall of chi2 there: as what is named has it, whether the last of a film is held out or a whole one."""
@@ -582,6 +585,7 @@ def test_rivals_have_their_gain_on_held_out_data(world, films):
     assert all(r["gain_heldout"] is not None for r in verdict["rivals"])
 
 
+@pytest.mark.deep
 def test_a_curve_tells_a_class_and_the_film_that_would_decide(world, tmp_path):
     """Six speeds say one thing: laws that explain them are one class, and a film of the swimmer tells them apart."""
     found = diagnose_unseen([curve_of({"coulomb_substrate": [world["coulomb_substrate"].design[0, 0]]}, 2)])
@@ -600,6 +604,7 @@ def test_a_curve_tells_a_class_and_the_film_that_would_decide(world, tmp_path):
     assert nothing["verdict"] == "no_mismatch" and not nothing["mechanisms"]
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize(("push", "named"), [(0.0, "linear_drag"), (1.0, "ambient_flow")])
 def test_a_flow_without_speed_is_drag(world, push, named):
     """The simpler law where the numbers that the richer one adds are none within their intervals (contract)."""
@@ -617,6 +622,7 @@ def test_a_flow_without_speed_is_drag(world, push, named):
     assert plainer(s, trial, [trial]).candidate.mechanism == named
 
 
+@pytest.mark.deep
 def test_two_laws_of_the_world_are_named_where_each_earns_its_price(world):
     laws = {"weak_joint at joint 4": [0.9], "linear_drag": [1.5 * world["linear_drag"].design[0, 0]]}
     found = diagnose_unseen(filmed(laws, 4))
@@ -638,6 +644,7 @@ def test_two_laws_of_the_world_are_named_where_each_earns_its_price(world):
     assert all(t.refitted and len(t.fit.u) == len(f.revised.u) - 1 for t in alone)
 
 
+@pytest.mark.deep
 def test_a_law_whose_number_may_as_well_be_none_is_not_named(world, monkeypatch):
     """Packings that differ widely under a law come near whatever was seen; what they tell of its number is nothing."""
     films, wide = filmed({"linear_drag": [2.0 * world["linear_drag"].design[0, 0]]}, 4, 1), [False]
@@ -656,6 +663,7 @@ def test_a_law_whose_number_may_as_well_be_none_is_not_named(world, monkeypatch)
     assert verdict["rivals"][0]["name"] == "linear_drag" and verdict["rivals"][0]["share"] > 0.5
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize("fallen", ["linear_drag", "weak_joint"])
 def test_of_two_laws_that_fall_the_one_is_told_that_explains_more_by_itself(world, monkeypatch, fallen):
     """Whichever lost its number beside the other; told as by a diagnosis that found one: fit, share, runs, errors."""
@@ -701,6 +709,7 @@ def test_nothing_is_named_in_packings_of_the_world(world):
     assert max(ranks) > 0.3 and min(ranks) > 0.01
 
 
+@pytest.mark.deep
 def test_p_is_uniform_where_runs_are_few_and_numbers_many(world):
     """A spread by few runs is too small somewhere, and signatures stand out there: so it is in the nulls."""
     every, ps = list(world.values()), []
@@ -974,6 +983,7 @@ def test_candidates_that_are_only_screened_are_run_through_the_training_part_alo
     assert gain_of(found.evidence, lambda c: predicted_by(s, [flow], flow.fit, c)) is not None
 
 
+@pytest.mark.deep
 def test_the_order_of_runs_does_not_show_in_the_last_bit(world, monkeypatch):
     films = filmed({"head_force along the axis": [1e-4]}, 6, 2)
     first = diagnose_unseen(films).verdict
@@ -1047,6 +1057,7 @@ def test_a_wrong_scale_of_the_picture_is_the_apparatus(few_candidates):
     assert s["low"] < 1.01 < s["high"] and s["high"] - s["low"] < 2e-3
 
 
+@pytest.mark.deep
 def test_a_late_motor_is_found_at_the_head(few_candidates):
     found = diagnose_unseen([read_recording(FOLDER / f"lag_{f}_Hz") for f in (10, 14)], sizes=FEW)
     verdict = found.verdict
@@ -1061,6 +1072,7 @@ def test_a_late_motor_is_found_at_the_head(few_candidates):
     assert verdict["next_experiment"]["change"] == "film a flash that the apparatus triggers"
 
 
+@pytest.mark.deep
 def test_a_stiffness_that_was_off_is_recalibrated(few_candidates):
     # 37 numbers: at least as many packings
     more = replace(FEW, true=8, soft=40, screen=3, leader=6, final=6)

@@ -338,6 +338,7 @@ class TestFiles:
             read_scene(tmp_path / "scene.toml")
 
 
+@pytest.mark.deep
 def test_restitution_of_a_box_is_found(tmp_path):
     """A puck that meets all four walls, filmed by a code that is not the engine: the restitution that was believed is
     not the one it has."""
@@ -362,6 +363,7 @@ def test_restitution_of_a_box_is_found(tmp_path):
     run_scene(revised, tmp_path / "again", frames=2, quiet=True)
 
 
+@pytest.mark.deep
 def test_a_cushion_is_no_puck(tmp_path):
     """Two pucks in the same box that bounce off each other as believed, filmed by the same code, and off walls not."""
     corners = [(0.0, 0.0), (0.3, 0.0), (0.3, 0.2), (0.0, 0.2)]
@@ -409,6 +411,7 @@ def test_a_layer_along_a_wall_has_to_be_seen():
         assert reach.low == low <= reach.first <= high == reach.high < 2.0
 
 
+@pytest.mark.deep
 def test_a_board_that_takes_speed_is_no_layer_of_air(tmp_path):
     verdict = gs.diagnose(thrown_at_a_board(60, (4.0, -1.0)), seed=1).verdict
     assert {m["name"] for m in verdict["mechanisms"]} == {"restitution", "contact_friction"}

@@ -36,6 +36,7 @@ def on_spring(mass: float, *laws) -> Scene:
     return Scene((cart,), (RAIL, spring, *laws))
 
 
+@pytest.mark.deep
 def test_a_scale_a_mass_and_a_drag_are_told_together(tmp_path):
     """Each weak: beside any one of them the others are lost in what all leave. The spring is held beside the origin."""
     drag = use("linear_drag", bodies=["cart"], c=0.005)
@@ -48,6 +49,7 @@ def test_a_scale_a_mass_and_a_drag_are_told_together(tmp_path):
     assert mass["parameters"]["beta"]["value"] == pytest.approx(0.0028, abs=4e-4)
 
 
+@pytest.mark.deep
 def test_nothing_is_told_of_the_cart_where_nothing_is_missing():
     seen = filmed(on_spring(0.3135), on_spring(0.3135), np.arange(160) / 30, NOISE, 4)
     verdict = gs.diagnose(seen, seed=1).verdict
@@ -59,6 +61,7 @@ def thrown(*laws) -> Scene:
     return Scene((ball,), (use("gravity"), *laws), gravity=(0.0, -9.81))
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize("frames", [9, 12])
 def test_drag_in_a_film_of_a_dozen_frames(frames):
     """Five of nine are learnt from: none is left to test a law inside the training part, and no block is unseen."""
@@ -79,6 +82,7 @@ def test_noise_of_few_frames_is_not_their_motion(count):
     assert 3e-4 < np.sqrt(np.mean(np.square(found))) < 8e-4
 
 
+@pytest.mark.deep
 def test_a_coasting_car_is_told_as_friction_and_drag():
     """Where it is learnt from, a stream along the road does as well; later, when it is slow, it does not."""
     car = Body("cart", "free", 1.0, 1200.0, initial=(0.0, 0.0, 30.0, 0.0))
