@@ -14,9 +14,10 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from .. import distributions as stats
 from ..errors import InputError
-from ..joints import hinged
+from ..joints import hanging, hinged
 from ..laws import Law
 from ..recording import Recording, grid
+from ..recording.turns import continuous
 from ..scene import Scene, use
 from ..walls import gap_to_wall
 from .criteria import current
@@ -91,6 +92,17 @@ class Case:
         """(T,) numbers of the frames, lost ones counted: how often the median time between frames has passed."""
         steps = np.diff(self.t)
         return np.concatenate([[0.0], np.cumsum(np.maximum(np.rint(steps / np.median(steps)), 1.0))])
+
+    @functools.cached_property
+    def turning(self) -> float:
+        """The fastest that a measured angle turns from one frame to the next [rad/s], 0 where none is measured."""
+        angles = [self.values[:, c] for c, channel in enumerate(self.channels) if channel.kind == "angle"]
+        rates = [
+            np.abs(np.diff(column[seen]) / np.diff(self.t[seen])).max(initial=0.0)
+            for column in angles
+            for seen in (np.isfinite(column),)
+        ]
+        return float(max(rates, default=0.0))
 
     def timed(self, innovations: np.ndarray, frames: np.ndarray, back: bool = False) -> np.ndarray:
         """Innovations (T_frames, c) with what stamps that are off do to all numbers of a frame scaled down to one.
@@ -203,11 +215,16 @@ def estimate_noise(t: np.ndarray, values: np.ndarray) -> float:
     least higher degree (to 5) after which the next takes no more than a tenth away: over few frames of an oscillation,
     what a quadratic leaves is no noise. The dof of each local fit are taken off; the median keeps collisions out. At
     least what rounding to a grid leaves, which hides where a coordinate hardly moves: then most frames have the same
-    value.
+    value. Even stations at which a clock was read are no such grid.
     """
     seen = np.isfinite(values)
     t, values = t[seen], values[seen]
-    return max(_scatter(t, values), grid_of(values) / math.sqrt(12.0))
+    return max(_scatter(t, values), 0.0 if stations(t, values) else grid_of(values) / math.sqrt(12.0))
+
+
+def stations(t: np.ndarray, values: np.ndarray) -> bool:
+    """``recording.grid.stations``, by the criteria of the diagnosis."""
+    return grid.stations(t, values, current().noise.same_level)
 
 
 def grid_of(values: np.ndarray) -> float:
@@ -226,6 +243,8 @@ def coarse_grid(t: np.ndarray, values: np.ndarray) -> float:
     grid, though no two of a few may be a millimetre apart.
     """
     seen = np.isfinite(values)
+    if stations(t[seen], values[seen]):
+        return 0.0
     step = grid_of(values[seen]) or last_place(values[seen])
     return step if step and step >= current().smoothed.coarse * estimate_noise(t, values) else 0.0
 
@@ -330,11 +349,17 @@ def _channels(recording: Recording) -> tuple[list[Channel], np.ndarray]:
                 continue  # a coordinate that was not measured (a vertical fall has x = 0 throughout)
             channels.append(Channel(body, kind))
             columns.append(column)
+        if angle is not None and hanging(recording.scene).get(body) == 0.0:
+            raise InputError(
+                f"{body} turns in a hinge at its own centre, and a turn moves no centre, which is what is simulated:"
+                f" hold it by a pin of the length sqrt(I/m), without gravity (granswim import --scene wheel)",
+                where=recording.name,
+            )
         # the angle of a free disk says nothing about forces without spin
         if angle is not None and body in pinned and np.isfinite(angle).sum() >= current().noise.sightings:
             seen = np.isfinite(angle)
             column = angle.copy()
-            column[seen] = np.unwrap(angle[seen])
+            column[seen] = continuous(angle[seen])
             channels.append(Channel(body, "angle"))
             columns.append(column)
     return channels, np.column_stack(columns) if columns else np.zeros((len(recording.t), 0))

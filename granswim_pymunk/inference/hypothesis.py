@@ -35,6 +35,19 @@ def clock(camera: Mapping[str, Any], t: Any) -> Any:
     return camera["rate"] * t + camera["time_offset"]
 
 
+def _often_enough(times: np.ndarray, turning: float) -> tuple[np.ndarray, np.ndarray | slice]:
+    """Times (T',) [s] so near one another that turns can be counted, and which of them are ``times`` (T,).
+
+    turning : how fast bodies turn [rad/s]
+    """
+    steps = np.ceil(np.diff(times) * (turning / current().fits.turned)).astype(np.int64)
+    if not (steps > 1).any():
+        return times, slice(None)
+    steps = np.maximum(steps, 1)
+    at = np.concatenate([[0], np.cumsum(steps)])
+    return np.interp(np.arange(at[-1] + 1), at, times), at
+
+
 @dataclass(frozen=True)
 class Free:
     """One number to be found. ``cases``: the names of the recordings it bears on (None: all)."""
@@ -398,7 +411,7 @@ class Predictor:
         (self._counted or self).runs += 1
         # angles of hinged bodies follow from the places of those that they hang from
         rows = [scene.ids.index(b) for b in dict.fromkeys((*case.bodies, *hinged(scene)))]
-        times = np.maximum(clock(camera, t), begins)
+        times, at_frames = _often_enough(np.maximum(clock(camera, t), begins), case.turning)
         end = None
         try:
             with np.errstate(all="ignore"):
@@ -419,6 +432,7 @@ class Predictor:
             why = f"{FLEW_OFF} {current().fits.escaped:g} m"
             self.failures.append(f"{case.name}: {why}")
             raise Failed(why)
+        between, xy = xy, xy[at_frames]
         seen = xy
         if camera is not NO_CAMERA:
             shows = {key: value for key, value in camera.items() if key not in ("rate", "time_offset")}
@@ -428,7 +442,7 @@ class Predictor:
         for c, channel in enumerate(case.channels):
             k = at[channel.body]
             if channel.kind == "angle":
-                angle = turning_angle(xy, rows, scene, channel.body) + camera["tilt"]
+                angle = turning_angle(between, rows, scene, channel.body)[at_frames] + camera["tilt"]
                 # the same turn as the start that was asked for
                 first = next(s for s in starts if s.body == channel.body)
                 asked = numbers[_offset(starts, channel.body)] if first.free[0] else first.first[0]

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+# of the usual step between stamps, by which steps of a clock that is read at even stations differ at least
+UNEVEN = 1e-2
+
 
 def least_step(values: np.ndarray, same: float = 1e-9) -> float:
     """The least difference between two of the values (T,) that are not the same, 0 where all are.
@@ -34,3 +37,17 @@ def grid_of(values: np.ndarray, same: float = 1e-9, off: float = 0.01) -> float:
     count = np.cumsum(np.round(np.diff(away, prepend=0.0) / step))
     step = float(count @ away / (count @ count))
     return step if np.abs(away / step - count).max() < off else 0.0
+
+
+def stations(t: np.ndarray, values: np.ndarray, same: float = 1e-9) -> bool:
+    """Whether values (T,) are even stations, and their stamps t (T,) when they were passed: splits, gates, an encoder.
+
+    Each is then as far from the one before, all the same way, at uneven times. Such a step is no rounding: the clock is
+    what has noise. A camera, whose places are rounded, sees its bodies go by one step in every frame by chance alone,
+    and its stamps are even.
+    """
+    if len(values) < 4:
+        return False
+    steps, passed = np.diff(values), np.diff(t)
+    even = np.ptp(steps) <= same * np.ptp(values) and steps[0] != 0
+    return bool(even and np.ptp(passed) > UNEVEN * np.median(passed))

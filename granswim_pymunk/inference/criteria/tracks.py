@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 
@@ -176,6 +177,9 @@ class FitCriteria:
         good step;  again : from which it grows where a step was bad, by ``harder``;  stiff : beyond which nothing is
         found;  good : of the promised fall, from which it falls. Choices
     curved : sightings from which a start has a curvature. Theory: two more than its numbers
+    turned [rad] : at most, by the fastest turn that was measured, between two places that tell how far a simulated body
+        has turned. Theory: half a turn cannot be told from one the other way; a quarter of that, as without what slows
+        a body down it turns faster
     escaped [m] : beyond which a body is lost. Theory: squares of what is farther off may overflow
     renewed : of the promised fall in chi2, below which derivatives that were taken over are renewed. Source: Moré 1978
     straight : of a change of the residuals, how far a linear prediction of it may be off for derivatives to be updated
@@ -218,6 +222,7 @@ class FitCriteria:
     stiff: float = 1e8
     good: float = 0.5
     curved: int = 5
+    turned: float = math.pi / 4
     escaped: float = 1e9
     renewed: float = 0.25
     straight: float = 0.1

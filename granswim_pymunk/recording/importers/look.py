@@ -8,9 +8,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from scipy.spatial import cKDTree
 
-from ..grid import grid_of
+from ..grid import grid_of, stations
 from ..recording import Recording
 from .plausible import bounced, doubts
 from .stamps import LEFT_OUT, usual_step
@@ -66,22 +67,32 @@ class Look:
         return {k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in vars(self).items()}
 
 
-def noise_of(values: np.ndarray) -> float:
+def noise_of(values: np.ndarray, t: np.ndarray | None = None) -> float:
     """Standard deviation [as the values] of white noise on a smooth course, from third differences.
 
     The third difference of noise has a variance of 20; motion that is smooth over four frames drops out. The median
-    keeps jumps out: 1.4826 MAD.
+    keeps jumps out: 1.4826 MAD. At uneven times t (T,) [s] third divided differences take their place, each over the
+    root of the sum of its squared weights.
     """
-    values = values[np.isfinite(values)]
+    seen = np.isfinite(values)
+    values = values[seen]
     if len(values) < 8:
         return math.nan
-    third = np.diff(values, 3)
-    return float(1.4826 * np.median(np.abs(third - np.median(third))) / math.sqrt(20))
+    if t is None:
+        third = np.diff(values, 3) / math.sqrt(20)
+    else:
+        s = sliding_window_view(t[seen], 4)
+        apart = s[:, :, None] - s[:, None, :] + np.eye(4)
+        weights = 1 / np.prod(apart / np.median(np.diff(s)), axis=2)
+        third = np.sum(weights * sliding_window_view(values, 4), axis=1) / np.sqrt(np.sum(weights**2, axis=1))
+    return float(1.4826 * np.median(np.abs(third - np.median(third))))
 
 
-def _as_written(values: np.ndarray) -> float:
+def _as_written(t: np.ndarray, values: np.ndarray, even: bool) -> float:
     """``noise_of``, and no less than rounding leaves of values on a grid, a step over root twelve."""
-    return max(noise_of(values), grid_of(values[np.isfinite(values)]) / math.sqrt(12))
+    seen = np.isfinite(values)
+    rounded = 0.0 if stations(t[seen], values[seen]) else grid_of(values[seen]) / math.sqrt(12)
+    return max(noise_of(values, None if even else t), rounded)
 
 
 def _shown_again(recording: Recording) -> np.ndarray:
@@ -108,7 +119,7 @@ def look(recording: Recording) -> Look:
         recording = replace(recording, t=recording.t[~again], xy=recording.xy[~again], angle=angle)
     unwrapped = recording.unwrapped()
     t, xy = unwrapped.t, unwrapped.xy
-    seen, counted = recording.seen, _counted(t)
+    seen, counted, even = recording.seen, _counted(t), _even(np.diff(t))
     gaps, longest, possible, unseen, rows = 0, 0.0, 0, 0, 0
     speeds, noises, turned = [], [], []
     jumps, jump_at = 0, ""
@@ -121,7 +132,7 @@ def look(recording: Recording) -> Look:
         unseen += int(frames[-1] - frames[0]) + 1 - len(frames)
         longest = max(longest, float(np.diff(t[frames])[np.diff(counted[frames]) > 1].max(initial=0.0)))
         if recording.angle is not None:
-            turned.append(_as_written(recording.angle[:, k]))
+            turned.append(_as_written(t, recording.angle[:, k], even))
         at = np.flatnonzero(np.isfinite(xy[:, k, 0]))
         if len(at) < 3:
             continue
@@ -129,7 +140,7 @@ def look(recording: Recording) -> Look:
         dt = np.diff(t[at])
         velocity = steps / dt[:, None]
         speeds.append(np.hypot(*velocity.T))
-        noises += [_as_written(xy[at, k, axis]) for axis in (0, 1) if np.ptp(xy[at, k, axis]) > 0]
+        noises += [_as_written(t[at], xy[at, k, axis], even) for axis in (0, 1) if np.ptp(xy[at, k, axis]) > 0]
         change = np.hypot(*np.diff(velocity, axis=0).T) * dt[1:]
         # of places that were read off a scale, no change is smaller than its least step
         usual = float(np.median(change)) + 1e-3 * float(np.median(np.hypot(*steps.T)))

@@ -13,6 +13,7 @@ from scipy.special import ellipk
 
 from ...joints import arm_of
 from ..recording import Recording
+from ..turns import continuous
 from .periods import ROUND, last_swing_of
 
 FALLS_OFF = 1.5  # times gravity, either way, from which a fall is told: drag and buoyancy take away less at the start
@@ -198,7 +199,7 @@ def _swing(recording: Recording, k: int, name: str, gravity: float) -> str:
         x, y = (recording.xy[:, k] - np.array(item.values["anchor"])).T
         angle = np.arctan2(x, -y)
     seen = np.isfinite(angle)
-    t, angle = recording.t[seen], np.unwrap(angle[seen])
+    t, angle = recording.t[seen], continuous(angle[seen])
     swing = last_swing_of(t, angle)
     if swing is None or swing.amplitude > ROUND:
         return ""

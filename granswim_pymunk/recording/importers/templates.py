@@ -19,6 +19,7 @@ from scipy.spatial import cKDTree
 
 from ...errors import InputError
 from ...laws import get_law
+from ..turns import continuous
 from .periods import Swing, last_swing_of, rod_of, swing_of
 from .plausible import SWINGS_OFF
 from .table import some_of
@@ -57,7 +58,7 @@ class Tracks:
         angle = np.full(len(self.t), np.nan) if self.angle is None else self.angle
         own = (np.array(self.body) == name) & np.isfinite(angle)
         order = np.argsort(self.t[own], kind="stable")
-        return self.t[own][order], np.unwrap(angle[own][order])
+        return self.t[own][order], continuous(angle[own][order])
 
 
 @dataclass(frozen=True)
@@ -421,6 +422,26 @@ def _pendulum(
     return Filled({"scene": {**box, "gravity": list(gravity)}, "law": pins, "adjustable": [adjustable]}, notes, laws)
 
 
+def _wheel(tracks: Tracks, bodies: list[dict[str, Any]], laws: list[dict[str, Any]], box: Mapping[str, Any]) -> Filled:
+    """Bodies that turn about their own centres, each with the moment of inertia of a uniform disk.
+
+    A turn moves no centre, which is what is simulated: all the mass sits at one point of the body, without gravity, at
+    the distance sqrt(I/m) from where it turns.
+    """
+    laws, pins, notes = list(laws), [], []
+    for body in bodies:
+        name, of_a_disk = body["id"], _round(float(body["radius"]) / math.sqrt(2))
+        pin = {"anchor": [0.0, 0.0], "length": of_a_disk} | _take(laws, "pin", name)
+        pins.append({"name": "pin", "body": name, **pin})
+        length = float(pin["length"])
+        inertia = f"{float(body['mass']) * length**2:.3g} kg m^2"
+        note = f"{name} turns about its own centre with a moment of inertia of {inertia}, as if its mass were {length:.4g} m away"
+        if length == of_a_disk:
+            note += f", that of a uniform disk (--law pin:{name},length=L says another one, m L^2)"
+        notes.append(note)
+    return Filled({"scene": {**box, "gravity": [0.0, 0.0]}, "law": pins}, notes, laws)
+
+
 def _ever_near(tracks: Tracks, bodies: list[dict[str, Any]]) -> bool:
     """Whether two bodies come within a diameter of touching in any frame."""
     size = max(float(b["radius"]) for b in bodies)
@@ -539,6 +560,7 @@ TEMPLATES = {
     t.name: t
     for t in (
         Template("pendulum", "bodies on rigid rods under gravity", _pendulum),
+        Template("wheel", "bodies turning about their own centres, by their angles", _wheel),
         Template("puck", "bodies gliding on a level table", _puck),
         Template("drop", "bodies in free fall", _drop),
         Template("cart", "bodies on rails", _cart),
