@@ -30,7 +30,7 @@ def table(tmp_path, t, angle):
 
 
 def test_what_counts_its_turns_is_left_as_it_is():
-    t, angle = half_turns()
+    _, angle = half_turns()
     assert np.array_equal(continuous(angle), angle)
     fine = np.linspace(0, 30, 400)
     within = (fine + np.pi) % (2 * np.pi) - np.pi
@@ -73,7 +73,8 @@ def test_a_hinge_at_the_centre_is_refused_with_what_to_do():
     t, angle = half_turns()
     hinge = use("hinge", bodies=["rod"], anchor_a=(0.0, 0.0), anchor_b=(0.0, 0.0), anchor=(0.0, 0.0))
     scene = Scene(bodies=(Body("rod", "free", 0.1, 0.25),), laws=(hinge,))
-    film = Recording(scene=scene, t=t, xy=np.full((len(t), 1, 2), np.nan), ids=("rod",), angle=angle[:, None], name="rod")
+    nowhere = np.full((len(t), 1, 2), np.nan)
+    film = Recording(scene=scene, t=t, xy=nowhere, ids=("rod",), angle=angle[:, None], name="rod")
     with pytest.raises(InputError, match="--scene wheel"):
         prepare(film, held_out=False, split=True)
 

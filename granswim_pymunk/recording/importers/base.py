@@ -28,7 +28,8 @@ class Options:
     """What a user says about a file; None and empty: the file says it, or the default.
 
     bodies : ``id:radius:mass[:role]`` each, ``*`` for all that are not named; ``5mm``, ``10g`` or SI
-    scene : a TOML with bodies, laws, gravity ..., or the name of a template (pendulum, wheel, puck, drop, cart, swimmer)
+    scene : a TOML with bodies, laws, gravity ..., or the name of a template (pendulum, wheel, puck, drop, cart,
+        swimmer)
     inputs : commands given to a motor, ``[body=]file[:column]`` each: t,name,value, or a time and columns of values
     hold : whether a command stays until the next row, or is linear between rows; None: as the values look
     laws : ``name[:body[,body]],parameter=value,...`` each;  gravity : "9.81" (along -y) or "gx,gy" [m/s^2]

@@ -435,7 +435,7 @@ def _wheel(tracks: Tracks, bodies: list[dict[str, Any]], laws: list[dict[str, An
         pins.append({"name": "pin", "body": name, **pin})
         length = float(pin["length"])
         inertia = f"{float(body['mass']) * length**2:.3g} kg m^2"
-        note = f"{name} turns about its own centre with a moment of inertia of {inertia}, as if its mass were {length:.4g} m away"
+        note = f"{name} turns about its own centre, its mass as if {length:.4g} m away: {inertia}"
         if length == of_a_disk:
             note += f", that of a uniform disk (--law pin:{name},length=L says another one, m L^2)"
         notes.append(note)
