@@ -673,9 +673,15 @@ def _timed_noise(
     """Sizes of the white noise beside an error of the stamps [s], 0 where none shows.
 
     smooth : (T,) frames in which nothing meets.
-    Where no size was given, one camera has one: that of the channel that shows least.
+    Where no size was given, one camera has one: that of the channel that shows least. At rest numbers on a grid are the
+    same again and again: that shows no noise, and says nothing of how much of it there is in motion, which is no less
+    than what rounding leaves.
     """
     base = list(sigmas)
+    grids = [0.0 if stations(t[seen], v[seen]) else grid_of(v[seen]) for v in values.T for seen in (np.isfinite(v),)]
+    if any(grids):
+        again = same_as_before(values)
+        smooth = smooth & ~(np.append(again, False) & np.append(False, again))
     if not known:
         for kinds in (("x", "y"), ("angle",)):
             mine = [k for k, channel in enumerate(channels) if channel.kind in kinds and sigmas[k] > 0]
@@ -687,7 +693,8 @@ def _timed_noise(
     if not tau:
         return list(sigmas), 0.0
     off = abs(np.log(larger)) > current().noise.stated_off
-    return [b * larger if off or not known else b for b in base], tau
+    sizes = [b * larger if off or not known else b for b in base]
+    return [max(size, grid / math.sqrt(12.0)) for size, grid in zip(sizes, grids, strict=True)], tau
 
 
 def _meetings(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Sequence
 from dataclasses import replace
@@ -226,12 +227,21 @@ def _better_of(
         # where little is known of the numbers any error is one that they may have: that is no merit
         if not fails and (model.predicts_better(found, held) or (_less(found, held) and not bends(judged))):
             continue
+        if not fails and _as_far_off(found, held):
+            continue
         better.append((other, found, notes))
         if sure and not found.unlike:
             break
     if not sure and within:
         better = [entry for entry in better if not entry[1].beyond]
     return better, last
+
+
+def _as_far_off(found: HeldOut, held: HeldOut) -> bool:
+    """Whether held-out errors are those of what was held, to within what tells no law from another."""
+    errors = [of.held.get("revised") for of in (found, held)]
+    new, old = (math.nan if error is None else error for error in errors)
+    return old < current().left.as_small * new
 
 
 def _less(found: HeldOut, held: HeldOut) -> bool:

@@ -513,7 +513,7 @@ class LeftCriteria:
     within : of its expected square, what one number may show. Theory: by chance in one of twenty
     asked : times the noise floor, from which a held-out error is asked where it comes from
     told : times the noise floor, from which a held-out error is said to remain. Choice;  as_small : up to which what is
-        left is said to be as small as the noise. Theory: one, in two digits
+        left is said to be as small as the noise, and one error as large as another. Theory: one, in two digits
     few_frames : of all recordings together, the most that are fitted at once to say what they ask for. Choice: of more
         the part that is learnt from tells as much
     chance : probability, where the law is right, of a held-out error as large, below which others of its class are

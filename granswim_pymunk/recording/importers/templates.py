@@ -430,11 +430,12 @@ def _wheel(tracks: Tracks, bodies: list[dict[str, Any]], laws: list[dict[str, An
     """
     laws, pins, notes = list(laws), [], []
     for body in bodies:
-        name, of_a_disk = body["id"], _round(float(body["radius"]) / math.sqrt(2))
-        pin = {"anchor": [0.0, 0.0], "length": of_a_disk} | _take(laws, "pin", name)
+        name: str = body["id"]
+        of_a_disk = _round(float(body["radius"]) / math.sqrt(2))
+        pin: dict[str, Any] = {"anchor": [0.0, 0.0], "length": of_a_disk} | _take(laws, "pin", name)
         pins.append({"name": "pin", "body": name, **pin})
         length = float(pin["length"])
-        inertia = f"{float(body['mass']) * length**2:.3g} kg m^2"
+        inertia = f"{body['mass'] * length**2:.3g} kg m^2"
         note = f"{name} turns about its own centre, its mass as if {length:.4g} m away: {inertia}"
         if length == of_a_disk:
             note += f", that of a uniform disk (--law pin:{name},length=L says another one, m L^2)"
