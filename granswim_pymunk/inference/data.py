@@ -104,6 +104,26 @@ class Case:
         ]
         return float(max(rates, default=0.0))
 
+    def spins_at(self, t0: float) -> np.ndarray | None:
+        """Spins (n,) [rad/s] of the scene's bodies at ``t0`` [s], off angles that were tracked; None where none were.
+
+        Of disks that turn freely, which do so evenly until they are struck: a line through the next few frames. 0 of
+        all others.
+        """
+        if ("spins", t0) not in self.told:
+            self.told["spins", t0] = self._spins_at(t0)
+        return self.told["spins", t0]
+
+    def _spins_at(self, t0: float) -> np.ndarray | None:
+        recording = self.recording
+        spins, few = np.zeros(len(recording.scene.bodies)), current().fits.spun
+        for body, angle in _turning_freely(recording, {c.body for c in self.channels if c.kind == "angle"}):
+            rows = np.flatnonzero(np.isfinite(angle) & (recording.t >= t0))[:few]
+            if len(rows) > 1:
+                t = recording.t[rows]
+                spins[recording.scene.ids.index(body)] = np.polyfit(t - t[0], continuous(angle[rows]), 1)[0]
+        return spins if spins.any() else None
+
     def timed(self, innovations: np.ndarray, frames: np.ndarray, back: bool = False) -> np.ndarray:
         """Innovations (T_frames, c) with what stamps that are off do to all numbers of a frame scaled down to one.
 
@@ -439,17 +459,24 @@ def _driven_from_rest(
 
 def _unused_angles(recording: Recording, used: Collection[str]) -> list[str]:
     """That angles of bodies that turn freely were given and tell nothing here, ``used``: whose do."""
-    if recording.angle is None:
-        return []
-    free = []
-    for body, angle in zip(recording.ids, recording.angle.T, strict=True):
-        seen = angle[np.isfinite(angle)]
-        if len(seen) and np.ptp(seen) > 0 and body not in used and recording.scene.body(body).role == "free":
-            free.append(body)
+    free = [body for body, _ in _turning_freely(recording, used)]
     if not free:
         return []
     whose = free[0] if len(free) == 1 else f"{free[0]} and {len(free) - 1} more"
-    return [f"{recording.name}: angles of {whose} are not used: of disks that turn freely they tell of no force here"]
+    what = "how fast they turn at first is read off them where contacts rub, and no more"
+    return [f"{recording.name}: angles of {whose} are hardly used: of disks that turn freely, {what}"]
+
+
+def _turning_freely(recording: Recording, used: Collection[str]) -> list[tuple[str, np.ndarray]]:
+    """Bodies that turn freely, with their tracked angles (T,); ``used``: bodies whose angle is compared."""
+    if recording.angle is None:
+        return []
+    found = []
+    for body, angle in zip(recording.ids, recording.angle.T, strict=True):
+        seen = angle[np.isfinite(angle)]
+        if len(seen) and np.ptp(seen) > 0 and body not in used and recording.scene.body(body).role == "free":
+            found.append((body, angle))
+    return found
 
 
 def frames_of(

@@ -401,6 +401,8 @@ class Predictor:
         """As ``run``, by a simulation."""
         starts, numbers, t0 = begin.starts, begin.numbers, begin.t0
         following, spin = begin.following, begin.spin
+        if spin is None and hypothesis.turns(case):
+            spin = case.spins_at(t0)
         try:
             scene, camera = self._scene(hypothesis, case, values)
             begins = float(clock(camera, t0))

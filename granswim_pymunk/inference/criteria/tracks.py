@@ -177,6 +177,7 @@ class FitCriteria:
         good step;  again : from which it grows where a step was bad, by ``harder``;  stiff : beyond which nothing is
         found;  good : of the promised fall, from which it falls. Choices
     curved : sightings from which a start has a curvature. Theory: two more than its numbers
+    spun : frames from which the spin of a disk is told that turns freely. Choice: few, as it may be struck soon
     turned [rad] : at most, by the fastest turn that was measured, between two places that tell how far a simulated body
         has turned. Theory: half a turn cannot be told from one the other way; a quarter of that, as without what slows
         a body down it turns faster
@@ -222,6 +223,7 @@ class FitCriteria:
     stiff: float = 1e8
     good: float = 0.5
     curved: int = 5
+    spun: int = 4
     turned: float = math.pi / 4
     escaped: float = 1e9
     renewed: float = 0.25

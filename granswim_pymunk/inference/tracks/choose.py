@@ -133,6 +133,7 @@ def choose(trials: list[Trial], spread: float, base_inner: float, looked: int) -
                 same.append(t)
     else:
         near = [t for t in trials if worth(t, spread) > sets.near_best * max(worth(u, spread) for u in trials)]
+        near = _without_large_faults(near)
         best = min(near, key=lambda t: t.inner)
         same = [t for t in near if t.inner < sets.same_score * best.inner]
     # a law whose further numbers are compatible with none gives way to what it is then (a stream at rest is a drag)
@@ -156,6 +157,20 @@ def choose(trials: list[Trial], spread: float, base_inner: float, looked: int) -
                        extraordinary(t), is_part(t.term, forms), is_other_form(t), -t.gain),
     )  # fmt: skip
     return of_the_apparatus(chosen, trials, spread)
+
+
+def _without_large_faults(near: list[Trial]) -> list[Trial]:
+    """Without faults larger than laboratories have, but for one that removes most of what the other leading laws leave.
+
+    Where more than noise remains a picture that is turned far enough bends to a little of anything: a track that is no
+    circle was a camera that hangs askew by 25 degrees.
+    """
+    large = [t for t in near if t.apparatus and extraordinary(t)]
+    others = [t.fit.excess for t in near if t not in large and t.fit is not None]
+    if not others:
+        return near
+    most = min(others) / current().sets.left
+    return [t for t in near if t not in large or (t.fit is not None and t.fit.excess < most)]
 
 
 def is_other_form(trial: Trial) -> bool:

@@ -293,7 +293,7 @@ def _pin_of(name: str, tracks: Tracks, given: Mapping[str, Any], gravity: tuple[
     # the rod of another length, as a wrong scale or a bob that is no point makes it, would hang from another place
     agree = "length" in given or (refined is not None and abs(refined[1] / length - 1) < 5 * error)
     if refined is not None and agree:
-        (anchor, length), how = refined, "its arc and its period"
+        (anchor, length), how = refined, "its arc and its period" if swing else "its arc and how it falls along it"
     return _hung(name, anchor, length, given, f"by {how}{told}{_no_circle(xy - anchor, length)}")
 
 
