@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from granswim_pymunk.inference.data import prepare
+from granswim_pymunk.inference.judge import paired
 from granswim_pymunk.inference.model import HeldOut
 from granswim_pymunk.inference.pipeline import _as_far_off
 from granswim_pymunk.inference.tracks import choose
@@ -49,3 +50,12 @@ def test_errors_that_are_one_in_two_digits_tell_no_law_from_another():
 
     assert _as_far_off(held(0.00467), held(0.00475)) and not _as_far_off(held(0.0040), held(0.00475))
     assert not _as_far_off(held(None), held(0.1))
+
+
+def test_held_out_data_that_change_by_nothing_decide_nothing():
+    """Of bodies that do not meet there a law of contact changes rounding, each frame the same way."""
+    before = [np.full(5, 30.0) for _ in range(8)]
+    rng = np.random.default_rng(0)
+    assert paired(before, [b - 1e-9 for b in before], rng) == "undecided"
+    assert paired(before, [b - 0.1 for b in before], rng) == "holds"
+    assert paired(before, [b + 0.1 for b in before], rng) == "fails"
