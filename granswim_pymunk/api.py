@@ -95,8 +95,7 @@ def make_recording(
         as in recording.toml
     gravity : its size [m/s^2], then along -y, or (gx, gy)
     names : of the bodies; left out "body", or "0", "1" ... (of a table: its particles)
-    scene : a whole Scene in place of radius, mass, laws, gravity; or a template: pendulum, wheel, puck,
-        drop, cart, swimmer
+    scene : a whole Scene in place of radius, mass, laws, gravity; or pendulum, wheel, puck, drop, cart, swimmer
     angle : (T, n) or (T,) angles [rad]
     inputs : commands of a motor by the body that a ``drive`` moves: (T,), one a frame, or (k, 2) with times [s]
     hold : whether a command stays until the next one, or is linear in between; None: as the values look

@@ -379,8 +379,9 @@ class BlockCriteria:
     start_frames : the least of them;  unit_frames : of a stretch
     evaluations : of the fit of a start
     told : of what all data tell of a number, below which that number stays as it is where a block is left out. Choice
-    draws : replicates of the noise for the floor;  bootstrap : resamples for intervals;  decides : change of chi2 of all
-        held-out frames, below which they decide nothing. Theory: what one number gains by chance
+    draws : replicates of the noise for the floor;  bootstrap : resamples for intervals
+    decides : change of chi2 of all held-out frames, below which they decide nothing. Theory: what one number gains by
+        chance
     drawn : of the mismatch, that a resample has to hold to say something of its share. Choice
     starts : drawn, from which a block is predicted again to tell whether it is followed. Theory: a meeting that one
         start in ten misses is noticed in all but one film in a hundred and fifty, with twelve in all but one in four
