@@ -669,6 +669,7 @@ def test_nothing_is_named_where_nothing_is_missing_and_the_report_is_written(tmp
     assert verdict["notes"]  # a third of a minute is not enough for everything, and it says so
 
 
+@pytest.mark.deep
 def test_whole_recordings_are_held_out(bed_with_another_held_out):
     found, recording = bed_with_another_held_out, small("small_joint")
     assert [int(b.training.sum()) for b in found.evidence.beds] == [8, 0]
@@ -693,6 +694,7 @@ def test_whole_recordings_are_held_out(bed_with_another_held_out):
     assert first == second != recording.scene.laws_named("bending")[0].values["stiffness"]
 
 
+@pytest.mark.deep
 def test_the_page_of_a_bed_simulates_nothing(bed_with_another_held_out, tmp_path):
     with no_simulation():
         assert write_report(bed_with_another_held_out, tmp_path).stat().st_size > 10_000

@@ -120,6 +120,7 @@ def test_a_hand_is_seen_though_more_is_missing_all_along(bend):
     assert 4 <= np.flatnonzero(seen)[0] <= 7
 
 
+@pytest.mark.deep
 def test_more_that_is_missing_all_along_is_no_hand():
     study, tried = looked_at(pushed_up_a_track(0, 0.6))
     assert without_first_frames(study, tried) is None

@@ -143,6 +143,7 @@ def test_the_film_plays_and_nothing_is_cut_off(report, tmp_path, width):
     assert int(says["frame"]) > 0 and says["drawn"] == "1", says
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize("width", [1200, 800, 400])
 @pytest.mark.parametrize("kind", ["of_a_bed", "of_films", "of_a_curve"])
 def test_so_it_is_of_every_kind_of_recording(other_reports, tmp_path, kind, width):

@@ -55,6 +55,7 @@ def test_a_car_on_a_bent_track_has_its_friction_and_the_bend():
         assert told["low"] < true < told["high"] and told["high"] - told["low"] < 0.3 * true, (name, told)
 
 
+@pytest.mark.deep
 def test_friction_on_a_straight_track_has_none_beside_it():
     t = np.arange(180) / 30
     x = school.rubbed(0.0, lambda _, x: -0.2, 0.004, 0.0, t, v=0.7)
@@ -65,6 +66,7 @@ def test_friction_on_a_straight_track_has_none_beside_it():
     assert [m["name"] for m in verdict["mechanisms"]] == ["coulomb_substrate"], verdict["notes"]
 
 
+@pytest.mark.deep
 def test_by_itself_it_is_no_name():
     """Any smooth force in place is such a surface to first order: alone it is a force without a name."""
     t, rate = np.arange(150) / 30, math.sqrt(G * 0.02)

@@ -124,7 +124,7 @@ def heldout(diagnosis) -> dict:
     ("law", "values", "parameter"),
     [
         # a linear drag is named in the film of the tutorial (test_track.py)
-        ("quadratic_drag", {"c": 0.02, "p": 2}, "c"),
+        pytest.param("quadratic_drag", {"c": 0.02, "p": 2}, "c", marks=pytest.mark.deep),
         ("coulomb_substrate", {"mu": 0.01}, "mu"),
     ],
 )
@@ -142,6 +142,7 @@ def test_drag_and_friction_of_sliding_disks_are_named(law, values, parameter):
     assert errors["revised"] < 1.5 * errors["noise_floor"]
 
 
+@pytest.mark.deep
 def test_tilted_table_is_a_uniform_force_with_both_components():
     truth = table(use("uniform_force", a=(0.02, -0.01)))
     found = diagnose_tracks([filmed(truth, table(), SHORT, np.random.default_rng(4))])
@@ -244,7 +245,13 @@ def test_pendulum_with_viscous_drag():
     assert worse and max(worse) < verdict["mechanisms"][0]["gain_heldout"]
 
 
-@pytest.mark.parametrize(("camera", "name"), [({"scale": 1.01}, "camera_scale"), ({"tilt": 0.02}, "camera_tilt")])
+@pytest.mark.parametrize(
+    ("camera", "name"),
+    [
+        pytest.param({"scale": 1.01}, "camera_scale", marks=pytest.mark.deep),
+        ({"tilt": 0.02}, "camera_tilt"),
+    ],
+)
 def test_the_apparatus_is_suspected_before_physics(camera, name):
     found = diagnose_tracks([filmed(pendulum(), pendulum(), SWING, np.random.default_rng(9), noise=1e-4, **camera)])
     assert found.verdict["verdict"] == "measurement"

@@ -1021,6 +1021,7 @@ class TestScenes:
         (note,) = [n for n in done.notes if "hangs on a rod" in n]
         assert "a point on a rod of 0.2" in note and "--adjustable pin.length=0.23" in note
 
+    @pytest.mark.deep
     def test_own_csv_of_a_pendulum_to_a_verdict_in_two_commands(self, tmp_path, capsys):
         source = self.swing(tmp_path, noise=5e-4, frames=360)
         assert main(["import", str(source), "--body", "bob:1cm:50g", "--scene", "pendulum", "--fps", "60",

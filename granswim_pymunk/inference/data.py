@@ -800,7 +800,8 @@ def _without_meetings(
 
 def _around(near: np.ndarray) -> np.ndarray:
     """(T,) frames whose polynomial goes over one of ``near`` (T,)."""
-    return np.convolve(near, np.ones(current().stamps.window), mode="same") > 0
+    wide = current().stamps.window
+    return np.convolve(near, np.ones(wide))[wide // 2 :][: len(near)] > 0
 
 
 def _lasts(recording: Recording) -> bool:
