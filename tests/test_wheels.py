@@ -8,7 +8,7 @@ from granswim_pymunk.inference import diagnose
 from granswim_pymunk.inference.data import estimate_noise, prepare
 from granswim_pymunk.recording import Recording, grid
 from granswim_pymunk.recording.importers import import_recording
-from granswim_pymunk.recording.importers.look import noise_of
+from granswim_pymunk.recording.importers.look import look, noise_of, told
 from granswim_pymunk.recording.turns import continuous
 from granswim_pymunk.scene import Body, Scene, use
 
@@ -90,3 +90,14 @@ def test_the_bearing_of_a_rod_that_was_seen_each_half_turn_drags(tmp_path):
     inertia = 0.25 * film.scene.laws_named("pin")[0].values["length"] ** 2
     assert c["low"] <= RATE * inertia <= c["high"]
     assert c["value"] == pytest.approx(RATE * inertia, rel=0.05)
+
+
+def test_noise_of_arithmetic_is_no_sensors():
+    """Speeds that a log holds for many rows, summed up, lie on straight lines."""
+    t = np.arange(200) * 0.005
+    speed = np.repeat(np.arange(10) % 4, 20) * 0.1
+    scene = Scene(bodies=(Body("wheel", "free", 0.02, 0.1),))
+    for noise, said in ((0.0, True), (1e-5, False)):
+        x = np.cumsum(speed) * 0.005 + noise * np.random.default_rng(1).standard_normal(200)
+        film = Recording(scene=scene, t=t, xy=np.stack([x, 0 * x], axis=-1)[:, None], ids=("wheel",), name="sums")
+        assert any("that of arithmetic" in line for line in told(film, look(film))) == said

@@ -27,6 +27,7 @@ EVEN = 0.1
 # pictures stand twice where noise falls to less than this part of it without frames that are as the one before: what
 # stands still and jumps in turn has noise as large as the jumps. Of what rests, or creeps over pixels, it does not
 TWICE = 0.5
+EXACT = 1e-12  # of the field, below which noise is what sums in floating point leave
 FAR_APART = 1e4  # distances in radii beyond which bodies are dust in a hall
 
 
@@ -275,7 +276,10 @@ def told(recording: Recording, found: Look) -> list[str]:
     noise = [_length(found.noise)] if math.isfinite(found.noise) else []
     noise += [f"{found.angle_noise:.2g} rad"] if math.isfinite(found.angle_noise) else []
     if noise:
-        lines.append(f"noise, off fast differences: {', '.join(noise)} (one standard deviation)")
+        reach = max((v for v in found.extent if math.isfinite(v)), default=0.0)
+        sums = ", that of arithmetic: places that were computed, or held, and not measured one by one"
+        exact = sums if found.noise <= EXACT * reach else ""
+        lines.append(f"noise, off fast differences: {', '.join(noise)} (one standard deviation){exact}")
     laws = ", ".join(dict.fromkeys(item.name for item in recording.scene.laws)) or "none"
     lines.append(f"laws of the scene: {laws}")
     return lines
