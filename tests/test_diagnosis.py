@@ -464,9 +464,9 @@ OUTSIDE = {
 }
 
 
-@pytest.mark.deep
 @pytest.mark.parametrize(
-    "arm", [arm if arm == "flexible_power" else pytest.param(arm, marks=pytest.mark.long) for arm in OUTSIDE]
+    "arm",
+    [pytest.param(arm, marks=pytest.mark.deep if arm == "flexible_power" else pytest.mark.long) for arm in OUTSIDE],
 )
 def test_an_arm_without_a_name_shows_the_way_an_unknown_force_goes(arm):
     """A drag with the third power, a force across the motion, a table that is shaken: no law in the list is that."""

@@ -258,11 +258,17 @@ def turned_down_if_bent(judged: Judgement, held: HeldOut) -> HeldOut:
     return replace(held, outcome="fails") if bends(judged) and held.unlike and held.outcome is not None else held
 
 
+def _silent(found: HeldOut) -> bool:
+    """Whether held-out data change by less than one number makes of them by chance, so that they decide nothing."""
+    return found.outcome == "undecided" and found.gain is not None and 2 * abs(found.gain) < current().blocks.decides
+
+
 def part_that_stands(model: ObservationModel, judged: Judgement, held: HeldOut) -> tuple[Judgement, HeldOut]:
     """The law of several that held-out data bear out, where they turn the claim down as a whole.
 
     A law that is strong and right may be claimed with a weak one that is not, which carries later frames away. Alone
-    it has to be named by training data by the same rules, and held-out data have to be predicted better with it. Beside
+    it has to be named by training data by the same rules, and held-out data have to be predicted better with it, or be
+    silent on it, as frames in which nothing meets are on a law of contacts. Beside
     a picture that is bent no form without a name did better: where that fault is turned down, what it took is left, and
     bends to a form as well, which is nothing against the rest.
     """
@@ -273,11 +279,11 @@ def part_that_stands(model: ObservationModel, judged: Judgement, held: HeldOut) 
         other, found, notes = _looked_at(model, claim, alone=bends(judged))
         looked |= found is not None
         found = None if found is None else turned_down_if_bent(other, found)
-        if found is not None and found.outcome == "holds":
+        if found is not None and (found.outcome == "holds" or _silent(found)):
             model.notes += notes
+            alone = "say nothing of" if _silent(found) else "predicted better with"
             model.notes.append(
-                f"held-out data are {turned_down(judged)}, and predicted better with {other.claim.label} alone: the "
-                "rest is withdrawn"
+                f"held-out data are {turned_down(judged)}, and {alone} {other.claim.label} alone: the rest is withdrawn"
             )
             return other, found
     # what the model keeps of its last look belongs to the whole claim again
