@@ -6,6 +6,7 @@ import pytest
 from granswim_pymunk.errors import InputError
 from granswim_pymunk.inference import diagnose
 from granswim_pymunk.inference.data import estimate_noise, prepare
+from granswim_pymunk.inference.hypothesis import _often_enough
 from granswim_pymunk.recording import Recording, grid
 from granswim_pymunk.recording.importers import import_recording
 from granswim_pymunk.recording.importers.look import look, noise_of, told
@@ -101,3 +102,16 @@ def test_noise_of_arithmetic_is_no_sensors():
         x = np.cumsum(speed) * 0.005 + noise * np.random.default_rng(1).standard_normal(200)
         film = Recording(scene=scene, t=t, xy=np.stack([x, 0 * x], axis=-1)[:, None], ids=("wheel",), name="sums")
         assert any("that of arithmetic" in line for line in told(film, look(film))) == said
+
+
+def test_one_wrong_angle_makes_no_run_long():
+    t, angle = half_turns()
+    angle[20] = 1e12
+    pin = use("pin", bodies=["rod"], anchor=(0.0, 0.0), length=0.1)
+    scene = Scene(bodies=(Body("rod", "free", 0.1, 0.25),), laws=(pin,))
+    nowhere = np.full((len(t), 1, 2), np.nan)
+    film = Recording(scene=scene, t=t, xy=nowhere, ids=("rod",), angle=angle[:, None], name="rod")
+    case = prepare(film, held_out=False, split=True)
+    assert case.turning < 10
+    times, at = _often_enough(t, 1e15)
+    assert len(times) == 39 * 64 + 1 and np.allclose(times[at], t)

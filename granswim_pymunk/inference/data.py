@@ -95,14 +95,14 @@ class Case:
 
     @functools.cached_property
     def turning(self) -> float:
-        """The fastest that a measured angle turns from one frame to the next [rad/s], 0 where none is measured."""
-        angles = [self.values[:, c] for c, channel in enumerate(self.channels) if channel.kind == "angle"]
-        rates = [
-            np.abs(np.diff(column[seen]) / np.diff(self.t[seen])).max(initial=0.0)
-            for column in angles
-            for seen in (np.isfinite(column),)
-        ]
-        return float(max(rates, default=0.0))
+        """How fast a measured angle turns in all but few frames [rad/s], 0 where none is measured."""
+        fastest = 0.0
+        for column in (self.values[:, c] for c, channel in enumerate(self.channels) if channel.kind == "angle"):
+            seen = np.isfinite(column)
+            rates = np.abs(np.diff(column[seen]) / np.diff(self.t[seen]))
+            if len(rates):
+                fastest = max(fastest, float(np.quantile(rates, 1 - current().fits.fast)))
+        return fastest
 
     def spins_at(self, t0: float) -> np.ndarray | None:
         """Spins (n,) [rad/s] of the scene's bodies at ``t0`` [s], off angles that were tracked; None where none were.

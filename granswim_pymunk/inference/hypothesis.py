@@ -40,10 +40,10 @@ def _often_enough(times: np.ndarray, turning: float) -> tuple[np.ndarray, np.nda
 
     turning : how fast bodies turn [rad/s]
     """
-    steps = np.ceil(np.diff(times) * (turning / current().fits.turned)).astype(np.int64)
+    fits = current().fits
+    steps = np.ceil(np.clip(np.diff(times) * (turning / fits.turned), 1, fits.between)).astype(np.int64)
     if not (steps > 1).any():
         return times, slice(None)
-    steps = np.maximum(steps, 1)
     at = np.concatenate([[0], np.cumsum(steps)])
     return np.interp(np.arange(at[-1] + 1), at, times), at
 

@@ -178,9 +178,9 @@ class FitCriteria:
         found;  good : of the promised fall, from which it falls. Choices
     curved : sightings from which a start has a curvature. Theory: two more than its numbers
     spun : frames from which the spin of a disk is told that turns freely. Choice: few, as it may be struck soon
-    turned [rad] : at most, by the fastest turn that was measured, between two places that tell how far a simulated body
-        has turned. Theory: half a turn cannot be told from one the other way; a quarter of that, as without what slows
-        a body down it turns faster
+    turned [rad] : at most, by the turn that all but a share ``fast`` of the frames stay below, between two places that
+        tell how far a simulated body has turned. Theory: half a turn cannot be told from one the other way; a quarter
+        of that, as without what slows a body down it turns faster;  between : of two frames, so many places at most
     escaped [m] : beyond which a body is lost. Theory: squares of what is farther off may overflow
     renewed : of the promised fall in chi2, below which derivatives that were taken over are renewed. Source: Moré 1978
     straight : of a change of the residuals, how far a linear prediction of it may be off for derivatives to be updated
@@ -225,6 +225,8 @@ class FitCriteria:
     curved: int = 5
     spun: int = 4
     turned: float = math.pi / 4
+    fast: float = 0.1
+    between: int = 64
     escaped: float = 1e9
     renewed: float = 0.25
     straight: float = 0.1
