@@ -646,7 +646,7 @@ class TestSaid:
             (["--law", "pim:a"], "unknown law 'pim'"),
             (["--law", "pin:1,lenght=2"], "unknown parameter 'lenght'"),
             (["--law", "pin:1,length"], "PARAMETER=VALUE"),
-            (["--scene", "pendulums"], "no such|cannot read"),
+            (["--scene", "pendulums"], "is no file, and none of pendulum, wheel"),
             (["--flip-y", "up"], "height or no"),
             (["--decimal", "x"], "should be . or ,"),
             (["--skip-rows", "-1"], "zero or more"),

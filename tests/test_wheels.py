@@ -115,3 +115,8 @@ def test_one_wrong_angle_makes_no_run_long():
     assert case.turning < 10
     times, at = _often_enough(t, 1e15)
     assert len(times) == 39 * 64 + 1 and np.allclose(times[at], t)
+
+
+def test_a_scene_that_is_none_is_told_what_there_is(tmp_path):
+    with pytest.raises(InputError, match=r"wheal is no file, and none of pendulum, wheel, puck"):
+        import_recording(table(tmp_path, *half_turns()), bodies=["rod:10cm:250g"], scene="wheal")

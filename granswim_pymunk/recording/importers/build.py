@@ -300,7 +300,11 @@ def _place(found: Found, options: Options, length: float) -> tuple[float, float,
 
 
 def _template_file(options: Options) -> str | Path | None:
-    return options.scene if options.scene is not None and str(options.scene) not in TEMPLATES else None
+    if options.scene is None or str(options.scene) in TEMPLATES:
+        return None
+    if not Path(options.scene).suffix and not Path(options.scene).exists():
+        raise InputError(f"{options.scene} is no file, and none of {', '.join(TEMPLATES)}", where="--scene")
+    return options.scene
 
 
 def _toml(path: str | Path) -> dict[str, Any]:
