@@ -239,7 +239,12 @@ def estimate_noise(t: np.ndarray, values: np.ndarray) -> float:
     """
     seen = np.isfinite(values)
     t, values = t[seen], values[seen]
-    return max(_scatter(t, values), 0.0 if stations(t, values) else grid_of(values) / math.sqrt(12.0))
+    return max(_scatter(t, values), rounded_to(t, values) / math.sqrt(12.0))
+
+
+def rounded_to(t: np.ndarray, values: np.ndarray) -> float:
+    """``recording.grid.rounded_to``, by the criteria of the diagnosis."""
+    return grid.rounded_to(t, values, current().noise.same_level, current().noise.on_grid)
 
 
 def stations(t: np.ndarray, values: np.ndarray) -> bool:
@@ -357,6 +362,7 @@ def _channels(recording: Recording) -> tuple[list[Channel], np.ndarray]:
     channels, columns = list[Channel](), list[np.ndarray]()
     pinned = {name for item in recording.scene.laws_as("pendulum") for name in item.bodies or ()}
     pinned |= set(hinged(recording.scene))
+    arms = hanging(recording.scene)
     xy = recording.unwrapped().xy if recording.scene.periodic_x else recording.xy
     for k, body in enumerate(recording.ids):
         angle = None if recording.angle is None else recording.angle[:, k]
@@ -369,7 +375,7 @@ def _channels(recording: Recording) -> tuple[list[Channel], np.ndarray]:
                 continue  # a coordinate that was not measured (a vertical fall has x = 0 throughout)
             channels.append(Channel(body, kind))
             columns.append(column)
-        if angle is not None and hanging(recording.scene).get(body) == 0.0:
+        if angle is not None and arms.get(body) == 0.0:
             raise InputError(
                 f"{body} turns in a hinge at its own centre, and a turn moves no centre, which is what is simulated:"
                 f" hold it by a pin of the length sqrt(I/m), without gravity (granswim import --scene wheel)",
@@ -705,7 +711,7 @@ def _timed_noise(
     than what rounding leaves.
     """
     base = list(sigmas)
-    grids = [0.0 if stations(t[seen], v[seen]) else grid_of(v[seen]) for v in values.T for seen in (np.isfinite(v),)]
+    grids = [rounded_to(t, column) for column in values.T]
     if any(grids):
         again = same_as_before(values)
         smooth = smooth & ~(np.append(again, False) & np.append(False, again))

@@ -40,6 +40,8 @@ def _often_enough(times: np.ndarray, turning: float) -> tuple[np.ndarray, np.nda
 
     turning : how fast bodies turn [rad/s]
     """
+    if not turning:
+        return times, slice(None)
     fits = current().fits
     steps = np.ceil(np.clip(np.diff(times) * (turning / fits.turned), 1, fits.between)).astype(np.int64)
     if not (steps > 1).any():

@@ -39,6 +39,12 @@ def grid_of(values: np.ndarray, same: float = 1e-9, off: float = 0.01) -> float:
     return step if np.abs(away / step - count).max() < off else 0.0
 
 
+def rounded_to(t: np.ndarray, values: np.ndarray, same: float = 1e-9, off: float = 0.01) -> float:
+    """The step that values (T,) at t (T,) were rounded to, NaN where not seen: that of their grid, 0 of stations."""
+    seen = np.isfinite(values)
+    return 0.0 if stations(t[seen], values[seen], same) else grid_of(values[seen], same, off)
+
+
 def stations(t: np.ndarray, values: np.ndarray, same: float = 1e-9) -> bool:
     """Whether values (T,) are even stations, and their stamps t (T,) when they were passed: splits, gates, an encoder.
 

@@ -165,12 +165,13 @@ def _without_large_faults(near: list[Trial]) -> list[Trial]:
     Where more than noise remains a picture that is turned far enough bends to a little of anything: a track that is no
     circle was a camera that hangs askew by 25 degrees.
     """
-    large = [t for t in near if t.apparatus and extraordinary(t)]
-    others = [t.fit.excess for t in near if t not in large and t.fit is not None]
+    large = [bool(t.apparatus and extraordinary(t)) for t in near]
+    others = [t.fit.excess for t, fault in zip(near, large, strict=True) if not fault and t.fit is not None]
     if not others:
         return near
     most = min(others) / current().sets.left
-    return [t for t in near if t not in large or (t.fit is not None and t.fit.excess < most)]
+    asked = zip(near, large, strict=True)
+    return [t for t, fault in asked if not fault or (t.fit is not None and t.fit.excess < most)]
 
 
 def is_other_form(trial: Trial) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import combinations
 
@@ -15,7 +15,7 @@ from ..data import Case, Kick, driven
 from ..judge import Remains
 from .follow import COUPLED
 from .frames import Windows, left_by, windows_of
-from .segments import find_cuts, gaps_of, paths_of
+from .segments import find_cuts, gaps_of, met_by, paths_of
 
 
 def unexplained(case: Case) -> list[Kick]:
@@ -323,34 +323,27 @@ def told(case: Case, kicks: list[Kick]) -> str:
     )
     if later:
         text += f" (so does one {later} times later)" if later > 1 else " (and once later)"
+    none = "; the scene has no law of contact for them (contact_elastic, contact_linear)"
+    untouched = "" if case.recording.scene.laws_as("contact") else none
     if len(now) > 1:
         there = {b: xy[np.abs(case.t - first.t) < near] for b, (xy, _) in paths_of(case).items() if b in now}
         gaps = [np.hypot(*(there[a] - there[b]).T) for a, b in combinations(there, 2)]
         apart = float(np.nanmin(np.concatenate(gaps)))
-        return text + f", {apart:.2g} m from each other: something acts between them{_no_contact(case, now)}"
-    beside = "" if case.recording.scene.laws_as("contact") else _beside(case, first)
+        return text + f", {apart:.2g} m from each other: something acts between them{untouched}"
+    beside = _beside(case, first) if untouched else ""
     if beside:
-        return text + f", where it meets {beside}{_no_contact(case, [first.body, beside])}"
+        return text + f", where it meets {beside}{untouched}"
     return text + ", where nothing that the scene has touches it: a stop, a hand, another body?"
 
 
 def _beside(case: Case, kick: Kick) -> str:
     """The body that one touches when its velocity changes, to within what they move in a frame; empty for none."""
     scene, paths, nearest = case.recording.scene, paths_of(case), ("", 0.0)
-    about = np.abs(case.t - kick.t) < _few_frames(case)
-    for name in paths.keys() - {kick.body}:
-        away = np.hypot(*(paths[name][0] - paths[kick.body][0])[about].T)
-        away = away[np.isfinite(away)]
-        if len(away) > 1:
-            touch = scene.body(kick.body).radius + scene.body(name).radius
-            gap = away.min() - touch - current().segments.near * touch - np.abs(np.diff(away)).max()
-            nearest = min(nearest, (name, float(gap)), key=lambda found: found[1])
+    about, radius = np.abs(case.t - kick.t) < _few_frames(case), scene.body(kick.body).radius
+    others = [name for name in paths if name != kick.body]
+    for name, _, size, gap in met_by(kick.body, others, paths, scene):
+        seen = gap[about][np.isfinite(gap[about])]
+        if name in others and len(seen) > 1:
+            room = seen.min() - current().segments.near * (radius + size) - np.abs(np.diff(seen)).max()
+            nearest = min(nearest, (name, float(room)), key=lambda found: found[1])
     return nearest[0]
-
-
-def _no_contact(case: Case, bodies: Iterable[str]) -> str:
-    """What is added where bodies change their velocities side by side, and no law lets them touch; empty else."""
-    scene = case.recording.scene
-    if scene.laws_as("contact") or len({*bodies}) < 2:
-        return ""
-    return "; the scene has no law of contact for them (contact_elastic, contact_linear)"

@@ -302,7 +302,7 @@ def _found_impacts(case: Case, criteria: SegmentCriteria) -> list[Impact]:
     names = list(paths)
     met: list[tuple[int, int, tuple[str, str], float]] = []
     for k, a in enumerate(names):
-        for b, noise, size, gap in _met_by(a, names[k + 1 :], paths, scene):
+        for b, noise, size, gap in met_by(a, names[k + 1 :], paths, scene):
             near = criteria.near * (scene.body(a).radius + (size if np.isfinite(size) else 0.0))
             spread = float(np.hypot(paths[a][1], noise))
             near += 4 * spread
@@ -356,10 +356,10 @@ def gaps_of(case: Case, body: str) -> list[np.ndarray]:
     """Gaps (T,) [m] between a body and all else in its recording: seen bodies, posts, straight walls."""
     paths = paths_of(case)
     others = [name for name in paths if name != body]
-    return [gap for *_, gap in _met_by(body, others, paths, case.recording.scene)]
+    return [gap for *_, gap in met_by(body, others, paths, case.recording.scene)]
 
 
-def _met_by(
+def met_by(
     body: str, others: Sequence[str], paths: Mapping[str, tuple[np.ndarray, float]], scene: Scene
 ) -> Iterator[tuple[str, float, float, np.ndarray]]:
     """What a body may meet: its name, the noise of its track and its radius [m], and the gap (T,) [m].

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from scipy.spatial import cKDTree
 
-from ..grid import grid_of, stations
+from ..grid import rounded_to
 from ..recording import Recording
 from .plausible import bounced, doubts
 from .stamps import LEFT_OUT, usual_step
@@ -91,9 +91,7 @@ def noise_of(values: np.ndarray, t: np.ndarray | None = None) -> float:
 
 def _as_written(t: np.ndarray, values: np.ndarray, even: bool) -> float:
     """``noise_of``, and no less than rounding leaves of values on a grid, a step over root twelve."""
-    seen = np.isfinite(values)
-    rounded = 0.0 if stations(t[seen], values[seen]) else grid_of(values[seen]) / math.sqrt(12)
-    return max(noise_of(values, None if even else t), rounded)
+    return max(noise_of(values, None if even else t), rounded_to(t, values) / math.sqrt(12))
 
 
 def _shown_again(recording: Recording) -> np.ndarray:
@@ -169,7 +167,7 @@ def look(recording: Recording) -> Look:
         angle_noise=float(np.nanmedian(turned)) if np.isfinite(turned).any() else math.nan,
         extent=(float(extent[0]), float(extent[1])), radius=float(np.median(radii)), nearest=_nearest(recording),
         unseen=unseen / max(rows, 1), left_out=int(counted[-1]) + 1 - len(t),
-        uneven=0 if _even(stamps) else int(long_.sum()), step=usual, longest_step=float(stamps.max(initial=0.0)),
+        uneven=0 if even else int(long_.sum()), step=usual, longest_step=float(stamps.max(initial=0.0)),
         again=int(again.sum()),
     )  # fmt: skip
     found.warnings.extend([*_absurd(found, recording), *doubts(recording, found.noise), *bounced(recording)])
