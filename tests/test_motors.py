@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 
 import numpy as np
@@ -10,11 +11,12 @@ from scipy.integrate import solve_ivp
 
 from granswim_pymunk import Body, Scene, diagnose, make_recording, use
 from granswim_pymunk.inference.data import prepare_all
-from granswim_pymunk.inference.driven_terms import driven_forms, driven_terms
-from granswim_pymunk.inference.hypothesis import adjustable_terms
+from granswim_pymunk.inference.driven_terms import driven_forms, driven_terms, last
+from granswim_pymunk.inference.hypothesis import Hypothesis, adjustable_terms
 from granswim_pymunk.inference.tracks.experiment import _commanded, _free_start
 from granswim_pymunk.laws.actuator_deadband import beyond
 from granswim_pymunk.laws.actuator_lag import lagging
+from granswim_pymunk.laws.actuator_saturation import clipped
 from granswim_pymunk.laws.flexible_gain import LAST as MIDDLE
 from granswim_pymunk.laws.flexible_gain import bent
 from granswim_pymunk.laws.flexible_response import AT, answering
@@ -113,6 +115,65 @@ def late(tau, gain):
     t, value = lagging(ROWS, gain * command(ROWS), tau)
     way = np.concatenate([[0.0], np.cumsum(0.5 * (value[1:] + value[:-1]) * np.diff(t))])
     return lambda at: np.interp(at, t, way)
+
+
+@pytest.mark.deep
+def test_a_dead_band_a_delay_and_a_lag_of_one_motor_are_told():
+    """A lag is a delay to first order, which takes the time of both; the dead band is wider than believed commands."""
+    gain, width, delay, tau = 2.4, 0.56, 0.07, 0.16
+    t, value = beyond(ROWS, gain * command(ROWS), width)
+    t, value = lagging(t + delay, value, tau)
+    way = np.concatenate([[0.0], np.cumsum(0.5 * (value[1:] + value[:-1]) * np.diff(t))])
+    recording = filmed(["cart"], [lambda at: np.interp(at, t, way)], adjustable=["drive.gain=0.2:5"])
+    found = diagnose([recording]).verdict
+    numbers = {m["name"]: next(iter(m["parameters"].values())) for m in found["mechanisms"]}
+    assert set(numbers) == {"actuator_deadband", "actuator_delay", "actuator_lag"} and found["complete"]
+    for name, true in (("actuator_deadband", width), ("actuator_delay", delay), ("actuator_lag", tau)):
+        assert numbers[name]["low"] < true < numbers[name]["high"], name
+    assert numbers["actuator_lag"]["high"] - numbers["actuator_lag"]["low"] < 0.05
+
+
+@pytest.mark.deep
+@pytest.mark.parametrize("clipped_last", [True, False])
+def test_a_lag_and_a_limit_are_told_in_the_order_in_which_they_act(clipped_last):
+    faults = [lambda t, v: lagging(t, v, 0.15), lambda t, v: clipped(t, v, 0.3)]
+    t, value = ROWS, command(ROWS)
+    for fault in faults if clipped_last else faults[::-1]:
+        t, value = fault(t, value)
+    way = np.concatenate([[0.0], np.cumsum(0.5 * (value[1:] + value[:-1]) * np.diff(t))])
+    found = diagnose([filmed(["cart"], [lambda at: np.interp(at, t, way)])]).verdict
+    lag, limit = sorted(found["mechanisms"], key=lambda m: m["name"])
+    assert (lag["name"], limit["name"]) == ("actuator_lag", "actuator_saturation") and found["complete"]
+    assert ("of what the other faults make" in limit["expression"]) == clipped_last
+    for number, true in ((lag["parameters"]["tau"], 0.15), (limit["parameters"]["limit"], 0.3)):
+        assert number["low"] < true < number["high"] and number["high"] - number["low"] < 0.01
+
+
+def test_faults_act_in_the_same_order_in_whichever_they_are_found():
+    """What has no memory acts on the command itself, but where it is last: then on what all others leave."""
+    recording = filmed(["cart"], [late(0.1, 1.0)])
+    (case,), terms = prepare_all([recording]), {t.label: t for t in driven_terms(prepare_all([recording]))}
+    lag, band, limit = (terms[f"actuator_{name}"] for name in ("lag", "deadband", "saturation"))
+    sizes = {"actuator_lag": 0.1, "actuator_deadband": 0.02, "actuator_saturation": 0.3}
+    for order in itertools.permutations([lag, band, limit]):
+        scene, _ = Hypothesis(order).scene(case, [sizes[t.mechanism] for t in order])
+        assert [i.law.name for i in scene.laws[-3:]] == ["actuator_deadband", "actuator_saturation", "actuator_lag"]
+    assert last(lag) is None
+    for order in itertools.permutations([lag, band, last(limit)]):
+        scene, _ = Hypothesis(order).scene(case, [sizes[t.mechanism] for t in order])
+        assert [i.law.name for i in scene.laws[-3:]] == ["actuator_deadband", "actuator_lag", "actuator_saturation"]
+        assert [i.values for i in scene.laws[-3:]][0]["width"] == 0.02
+
+
+def test_the_faults_of_a_motor_know_how_large_its_gain_may_be():
+    given = {t.label: t.free[0] for t in driven_terms(prepare_all([filmed(["cart"], [late(0.1, 1.0)])]))}
+    wide = filmed(["cart"], [late(0.1, 1.0)], adjustable=["drive.gain=0.5:3"])
+    free = {t.label: t.free[0] for t in driven_terms(prepare_all([wide]))}
+    top = float(np.abs(command(ROWS)).max())
+    assert given["actuator_deadband"].high == pytest.approx(top)
+    assert given["actuator_saturation"].neutral == given["actuator_saturation"].high
+    for name in ("actuator_deadband", "actuator_saturation"):
+        assert free[name].high == pytest.approx(3 * top) and free[name].span == pytest.approx(top)
 
 
 def test_two_motors_have_a_lag_and_a_gain_each():

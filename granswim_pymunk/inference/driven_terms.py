@@ -22,13 +22,13 @@ def driven_terms(cases: Sequence[Case], *, each: bool = True) -> list[Term]:
     """One term for each fault that a driven velocity can have, none where nothing is driven.
 
     Lag and delay are tried from about the time between frames, a limit from the largest command on, a dead band from
-    none. ``each``: of several motors also one term with a number for each of them, as no two are alike.
+    none, up to the largest command that an adjustable gain allows. ``each``: of several motors also one term with a number for each of them, as no two are alike.
     """
     driven, top = _driven(cases)
     spacing = min((float(np.median(np.diff(c.t))) for c in cases if len(c.t) > 1), default=np.inf)
     if not driven or top == 0.0 or not np.isfinite(spacing):
         return []
-    terms, step = list[Term](), current().candidates.step
+    terms, step, most = list[Term](), current().candidates.step, top * _gains(cases)
     for law in _of_commands("named"):
         strength = law.parameter(law.strength[0])
         name = f"{law.name}.{strength.name}"
@@ -36,8 +36,8 @@ def driven_terms(cases: Sequence[Case], *, each: bool = True) -> list[Term]:
             # no motor answers before its command
             free = Free(name, "s", 0.0, np.inf, 0.0, step * spacing, None, 0.0)
         else:
-            absent = min(strength.neutral, top)
-            free = Free(name, "m/s", 0.0, top, absent, step * top, None, absent)
+            absent = min(strength.neutral, most)
+            free = Free(name, "m/s", 0.0, most, absent, step * top, None, absent, span=top)
         alike = ((strength.name, (0,)),)
         terms.append(Term(law.mechanism, law.name, (free,), _Fault(law), driven, law.expression, {}, alike))
         if each and len(driven) > 1:
@@ -119,6 +119,17 @@ def _driven(cases: Sequence[Case]) -> tuple[tuple[str, ...], float]:
     return tuple(dict.fromkeys(body for body, _ in every)), max((float(np.abs(v).max()) for _, v in every), default=0.0)
 
 
+def _gains(cases: Sequence[Case]) -> float:
+    """By how much the gain of a motor may be larger than believed, where it is adjustable: 1 where it is not."""
+    result = 1.0
+    for scene in (case.recording.scene for case in cases):
+        for item in scene.laws_as("command"):
+            gain = abs(float(scene.resolved(item)["gain"]))
+            own = [a for a in scene.adjustable if a.law == item.law.name and a.parameter == "gain" and gain]
+            result = max([result, *(max(abs(a.low), abs(a.high)) / gain for a in own)])
+    return result
+
+
 def commanded(cases: Sequence[Case]) -> Iterator[tuple[str, np.ndarray]]:
     """Each body that follows a command, in each recording, and its velocities (k,) [m/s] as it is told them."""
     for scene in (case.recording.scene for case in cases):
@@ -137,11 +148,28 @@ def _of_commands(candidate: str) -> list[Law]:
     ]  # fmt: skip
 
 
-class _Fault:
-    """Adds the fault with the sizes found, and ``fixed`` ones: one for all motors, or one for each of ``owners``."""
+def last(term: Term) -> Term | None:
+    """A limit that acts on what all other faults of the motor leave of the command, None of any other term."""
+    fault = term.apply
+    if not (isinstance(fault, _Fault) and fault.ahead):
+        return None
+    behind = _Fault(fault.law, fault.fixed, fault.owners, ahead=False)
+    expression = f"{term.expression}, of what the other faults make of the command"
+    return replace(term, label=f"{term.label} (last)", apply=behind, expression=expression, last=True)
 
-    def __init__(self, law: Law, fixed: Mapping[str, Any] | None = None, owners: Sequence[str] = ()) -> None:
+
+class _Fault:
+    """Adds the fault with the sizes found, and ``fixed`` ones: one for all motors, or one for each of ``owners``.
+
+    What has no memory acts on the command itself, ``ahead`` of all that is late: in whichever order two are found, the
+    motor is one and the same.
+    """
+
+    def __init__(
+        self, law: Law, fixed: Mapping[str, Any] | None = None, owners: Sequence[str] = (), ahead: bool | None = None
+    ) -> None:
         self.law, self.fixed, self.owners = law, dict(fixed or {}), tuple(owners)
+        self.ahead = law.role == "limit" if ahead is None else ahead
 
     def __call__(self, scene: Scene, camera: Mapping[str, Any], values: Sequence[float] | np.ndarray):
         if not scene.laws_as("command"):
@@ -152,5 +180,11 @@ class _Fault:
             given: dict[str, Any] = {name: float(v) for name, v in zip(self.law.strength, mine, strict=True)}
             if owner is None or owner in scene.inputs:
                 bodies = None if owner is None else [owner]
-                scene = scene.with_laws(use(self.law, bodies=bodies, **self.fixed, **given))
+                *before, fault = scene.with_laws(use(self.law, bodies=bodies, **self.fixed, **given)).laws
+                after = (k for k, item in enumerate(before) if self.ahead and self._goes_before(item.law))
+                at = next(after, len(before))
+                scene = scene.having_laws((*before[:at], fault, *before[at:]))
         return scene, camera
+
+    def _goes_before(self, law: Law) -> bool:
+        return law.series is not None and (law.role != self.law.role or law.name > self.law.name)

@@ -69,6 +69,7 @@ class Free:
     usual: float = 0.0  # the same of what is told in its own terms, as a mass or a length of the picture is
     prior: float = 0.0  # standard deviation about ``neutral`` that it was believed with beforehand, 0: nothing was
     follows: str = ""  # the number of the scene that it is equal to where the term is absent
+    span: float = 0.0  # of a limit: how far above the lower bound it is looked for at first, 0: all the way
 
     @property
     def error(self) -> float:
@@ -98,6 +99,7 @@ class Term:
     # numbers that are the size of a vector along a unit direction, by their names: all of it that the data see
     along: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     special: bool = False  # a special fault of the apparatus: of equals with as many numbers the plain one is named
+    last: bool = False  # it acts on what all other terms leave, wherever it stands
 
     @property
     def recordings(self) -> frozenset[str] | None:
@@ -174,12 +176,13 @@ class Hypothesis:
         """Scene and camera of a recording under these values."""
         scene: Scene = case.recording.scene
         camera: Mapping[str, Any] = NO_CAMERA
-        at = 0
+        at, rows = 0, list[tuple[Term, int]]()
         for term in self.terms:
-            mine = values[at : at + len(term.free)]
+            rows.append((term, at))
             at += len(term.free)
+        for term, at in sorted(rows, key=lambda row: row[0].last):
             if _bears_on(term, case):
-                scene, camera = term.apply(scene, camera, mine)
+                scene, camera = term.apply(scene, camera, values[at : at + len(term.free)])
         return scene, camera
 
 

@@ -27,6 +27,7 @@ def beyond(t, value, width):
     phrase="a dead band of the actuator",
     refines=("drive",),
     series=beyond,
+    role="limit",
 )
 def actuator_deadband(command, width):
     return command - min(max(command, -width), width)

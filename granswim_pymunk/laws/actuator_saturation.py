@@ -51,6 +51,7 @@ def clipped(t, value, limit):
     phrase="a saturation of the actuator",
     refines=("bending", "drive"),
     series=clipped,
+    role="limit",
 )
 def actuator_saturation(command, limit):
     return min(max(command, -limit), limit)

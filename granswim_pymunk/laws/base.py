@@ -217,6 +217,7 @@ ROLES = {
     "stroke": "bends a swimmer at one frequency",
     "command": "a body follows a series",
     "late": "shifts a drive in time",
+    "limit": "bends a command as it is, without memory",
     "drag": "against a medium at rest",
     "medium": "a drag against a medium that moves",
     "push": "the same on all bodies, always",

@@ -334,6 +334,7 @@ class RefitCriteria:
         times larger, and leaves 16 of such a lead
     limits : of the range of a single limit, where the search for it begins. Choice: most of what a limit does is near
         where it is absent
+    parts : of what one law that is late took, with which another is looked for beside it. Choice: either may lead
     shares : of its first-order amount, from which a law is looked for;  valleys : times it, where strength and shape
         lie along a bent valley;  slower : times, a drag with a stream as much slower, and the other way round. Choices
     heat_stages : of the frames over which candidates are compared first, as ``stages``
@@ -365,6 +366,7 @@ class RefitCriteria:
     memory_lead: float = 1000.0
     limits: tuple[float, ...] = (0.08, 0.2, 0.35, 0.55)
     shares: tuple[float, ...] = (1.0, 0.2)
+    parts: tuple[float, ...] = (0.3, 0.7)
     valleys: tuple[float, ...] = (20.0, 400.0)
     slower: float = 4.0
     heat_stages: tuple[float, ...] = (0.3, 1.0)

@@ -243,8 +243,9 @@ def _beginnings(base: Fit, term: Term) -> tuple[bool, int, list[tuple[float, np.
     if is_limit(term):
         # it is looked for over its range
         only = term.free[0]
-        far = only.low + only.high - only.neutral
-        return False, most.limit, [(1.0, neutral + part * (far - neutral)) for part in refits.limits]
+        top = only.low + only.span if only.span else only.high
+        near, far = (only.low, top) if only.neutral == only.low else (top, only.low)
+        return False, most.limit, [(1.0, np.array([near + part * (far - near)])) for part in refits.limits]
     # beyond the linear range the first-order amount may be far off: begin from a part of it too
     usual = [(share, neutral + share * (first - neutral)) for share in refits.shares]
     beside = any(has_role(f.name.partition(".")[0], "drag") for f in base.hypothesis.free)

@@ -12,6 +12,7 @@ import numpy as np
 from ...laws import all_laws, has_role
 from ..candidates import fastest_of, in_contact_alone, is_damping
 from ..criteria import current
+from ..driven_terms import last
 from ..hypothesis import Failed, Free, Hypothesis, Term
 from ..mechanisms import APPARATUS, field_alone
 from ..significance import price
@@ -112,6 +113,25 @@ def third_law(search: SetSearch, found: list[Trial], revised: Fit) -> tuple[list
         # the third does what one of the two was there for: in its place it may lead where that one could not
         return _in_place(search, idle, two, best, alone)
     return search.scored(fit, [*two, best], best.inner), fit
+
+
+def in_their_order(search: SetSearch, found: list[Trial], revised: Fit) -> tuple[list[Trial], Fit]:
+    """Faults of a motor with a limit last in place of first, where the data are followed more closely that way.
+
+    A command that is clipped and then lags is another one than a command that lags and is then clipped.
+    """
+    for k, law in enumerate(found):
+        behind = last(law.term)
+        if behind is None or not any(has_role(t.mechanism, "late") for t in found):
+            continue
+        other = [*found[:k], replace(law, signature=replace(law.signature, term=behind)), *found[k + 1 :]]
+        hypothesis = search.scene_with(*(t.term for t in other))
+        fit = search.fitter.fit(
+            hypothesis, revised.values, revised.starts, evaluations=current().evaluations.exchange
+        )
+        if (revised.chi2 - fit.chi2) / search.spread(fit) > current().verdict.same:
+            found, revised = search.scored(fit, other), fit
+    return found, revised
 
 
 def _idle(found: Sequence[Trial], fit: Fit, first: int, spread: float) -> list[Trial]:
@@ -306,7 +326,11 @@ def _one_more(
     shown = sorted((s for s in open_ if _shows(s, spread, revised)), key=lambda s: -s.gain)
     order = leaders(shown, sets.seconds)
     order += [s for s in open_ if is_limit(s.term) and not any(s is o for o in order)]  # no first order in a limit
-    fits = _refitted(search, revised, order)
+    late = _as_late(search, revised, found, open_)
+    order = [s for s in order if not any(s is o for o, _ in late)]
+    more = [*late, *_in_other_orders(search, revised, found, order)]
+    fits = [*_refitted(search, revised, order), *(fit for _, fit in more)]
+    order += [s for s, _ in more]
     trials = [Trial(s, fit, revised.chi2 - fit.chi2, float("inf")) for s, fit in zip(order, fits, strict=True)]
     if not trials:
         return nothing
@@ -335,6 +359,7 @@ def _one_more(
     )  # fmt: skip
     if null.p > current().verdict.alarm:
         return nothing
+    found = _as_ordered(found, best.fit)
     # those found may only have been stuck: refitted alone from where all ended
     alone = search.fitter.fit(revised.hypothesis, best.fit.values[: len(revised.values)], best.fit.starts)
     if alone.chi2 < revised.chi2:
@@ -374,6 +399,60 @@ def _refitted(search: SetSearch, base: Fit, signatures: Sequence[Signature]) -> 
     """A fit with each of these laws beside those of a fit."""
     jobs = [partial(refit, base=base, signature=s, stages=(1.0,)) for s in signatures]
     return side_by_side(search.fitter, jobs)
+
+
+def _as_late(
+    search: SetSearch, revised: Fit, found: Sequence[Trial], signatures: Sequence[Signature]
+) -> list[tuple[Signature, Fit]]:
+    """Laws that are late beside one that is, each with its best fit from where both share what that one has alone.
+
+    A lag is a delay to first order, so that beside one nothing shows of it, while the one has taken the time of both.
+    """
+    rows = rows_of(found, search.first)
+    own = [at.start for t, at in zip(found, rows, strict=True) if has_role(t.mechanism, "late") and t.numbers == 1]
+    late = [s for s in signatures if has_role(s.term.mechanism, "late") and len(s.term.free) == 1]
+    if not own or not late:
+        return []
+
+    def shared(fitter: Fitter, signature: Signature, part: float) -> Fit:
+        begin = np.append(revised.values, 0.0)
+        begin[own[0]], begin[-1] = (1 - part) * revised.values[own[0]], part * revised.values[own[0]]
+        hypothesis = revised.hypothesis.with_term(signature.term)
+        return fitter.fit(hypothesis, begin, revised.starts, evaluations=current().evaluations.limit)
+
+    asked = [(s, part) for s in late for part in current().refits.parts]
+    fits = side_by_side(search.fitter, [partial(shared, signature=s, part=part) for s, part in asked])
+    tried = list(zip(asked, fits, strict=True))
+    return [(s, min((fit for (of, _), fit in tried if of is s), key=lambda f: f.chi2)) for s in late]
+
+
+def _in_other_orders(
+    search: SetSearch, revised: Fit, found: Sequence[Trial], signatures: Sequence[Signature]
+) -> list[tuple[Signature, Fit]]:
+    """Limits and what is late with the limit last, each with its fit: see ``in_their_order``."""
+    asked = list[tuple[Signature, Fit]]()
+    if any(has_role(t.mechanism, "late") for t in found):
+        behind = ((s, last(s.term)) for s in signatures)
+        asked = [(replace(s, term=term), revised) for s, term in behind if term is not None]
+    else:
+        base = _limits_last(revised)
+        asked = [(s, base) for s in signatures if base is not revised and has_role(s.term.mechanism, "late")]
+    jobs = [partial(refit, base=base, signature=s, stages=(1.0,)) for s, base in asked]
+    fits = side_by_side(search.fitter, jobs)
+    return [(s, fit) for (s, _), fit in zip(asked, fits, strict=True)]
+
+
+def _limits_last(fit: Fit) -> Fit:
+    """The same fit with limits that would act behind what is late, of which there is none; itself without a limit."""
+    terms = tuple(last(t) or t for t in fit.hypothesis.terms)
+    return fit if terms == fit.hypothesis.terms else replace(fit, hypothesis=Hypothesis(terms))
+
+
+def _as_ordered(found: list[Trial], fit: Fit) -> list[Trial]:
+    """Laws in the order that they have in a fit with one more, which comes last."""
+    terms = fit.hypothesis.terms[-len(found) - 1 : -1]
+    both = zip(found, terms, strict=True)
+    return [t if t.term is term else replace(t, signature=replace(t.signature, term=term)) for t, term in both]
 
 
 def _shows(signature: Signature, spread: float, fit: Fit) -> bool:

@@ -32,6 +32,7 @@ from .nulls import noise_of, search_nulls
 from .pairs import (
     Exchange,
     drag_and_push,
+    in_their_order,
     pair_of,
     rivals_of_pair,
     second_law,
@@ -588,6 +589,7 @@ def explained_by(study: Study, tried: FittedAlone, chosen: Trial | None) -> Expl
         if len(found) > 2 and not study.late(current().budget.exchanges):
             found, revised, others = settled(search, found, revised)
     if len(found) > 1 and not study.late(current().budget.settling):
+        found, revised = in_their_order(search, found, revised)
         found, revised, dropped = whom(search, found, revised)
     near = rivals_of_pair(others) if len(found) > 1 else []
     if found and not study.late(current().budget.settling):
