@@ -162,7 +162,7 @@ def test_faults_act_in_the_same_order_in_whichever_they_are_found():
     for order in itertools.permutations([lag, band, last(limit)]):
         scene, _ = Hypothesis(order).scene(case, [sizes[t.mechanism] for t in order])
         assert [i.law.name for i in scene.laws[-3:]] == ["actuator_deadband", "actuator_lag", "actuator_saturation"]
-        assert [i.values for i in scene.laws[-3:]][0]["width"] == 0.02
+        assert scene.laws[-3].values["width"] == 0.02
 
 
 def test_the_faults_of_a_motor_know_how_large_its_gain_may_be():

@@ -22,7 +22,8 @@ def driven_terms(cases: Sequence[Case], *, each: bool = True) -> list[Term]:
     """One term for each fault that a driven velocity can have, none where nothing is driven.
 
     Lag and delay are tried from about the time between frames, a limit from the largest command on, a dead band from
-    none, up to the largest command that an adjustable gain allows. ``each``: of several motors also one term with a number for each of them, as no two are alike.
+    none, up to the largest command that an adjustable gain allows. ``each``: of several motors also one term with a
+    number for each of them, as no two are alike.
     """
     driven, top = _driven(cases)
     spacing = min((float(np.median(np.diff(c.t))) for c in cases if len(c.t) > 1), default=np.inf)

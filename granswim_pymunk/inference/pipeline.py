@@ -128,7 +128,8 @@ def _of_what_nobody_sees(
     if further is None:
         return None
     claim = further.search(None)
-    if not claim.laws:
+    # what else its class has leaves as much
+    if not claim.laws or not further.passes(claim):
         return None
     found = first_that_explains(further, claim)
     if found.verdict not in CLAIMED or not further.passes(found.claim):

@@ -249,7 +249,7 @@ class Tracks(ObservationModel):
         if not terms or self.null is None or self.study.late(current().budget.settling):
             return None
         other = copy(self)
-        other.study = replace(self.study, rng=deepcopy(self.study.rng), notes=self.notes[:told])
+        other.study = replace(self.study, rng=deepcopy(self.study.rng), notes=self.notes[:told], seeks="source")
         other.notes = other.study.notes
         other.dropped, other.undeclared, other.beside_names = dict(self.dropped), [], []
         other._looked_at, other._completeness = set(self._looked_at), dict(self._completeness)

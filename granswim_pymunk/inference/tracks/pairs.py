@@ -32,7 +32,7 @@ def second_law(search: SetSearch, found: list[Trial], revised: Fit) -> tuple[lis
     """Add a second law where it is significant and predicts better."""
     if not found:
         return found, revised
-    apart = [t for t in search.terms if not any_field(found[0].term, t, search.terms)]
+    apart = [t for t in search.terms if search.new(found[0].term, t) and not any_field(found[0].term, t, search.terms)]
     found, revised, best = _one_more(search, found, revised, apart)
     if best is None or best.fit is None:
         return found, revised
@@ -69,7 +69,8 @@ def two_beside(search: SetSearch, found: list[Trial], revised: Fit) -> tuple[lis
     chosen: dict[frozenset[str], tuple[Signature, Signature]] = {}
     for both, i, j in ranked:
         a, b = signatures[i], signatures[j]
-        if both - max(a.gain, b.gain) > sets.together and not any_field(a.term, b.term, terms):
+        helps = both - max(a.gain, b.gain) > sets.together and search.new(law.term, a.term, b.term)
+        if helps and not any_field(a.term, b.term, terms):
             chosen.setdefault(frozenset((a.term.mechanism, b.term.mechanism)), (a, b))
         if len(chosen) == sets.partners:
             break
@@ -103,7 +104,8 @@ def third_law(search: SetSearch, found: list[Trial], revised: Fit) -> tuple[list
     """Add a third law to two where it is significant, predicts better and leaves the other two their place."""
     if len(found) != 2:
         return found, revised
-    apart = [t for t in search.terms if not _any_field_of(found, t, search.terms)]
+    own = [t.term for t in found]
+    apart = [t for t in search.terms if search.new(*own, t) and not _any_field_of(found, t, search.terms)]
     two, alone, best = _one_more(search, found, revised, apart)
     if best is None or best.fit is None:
         return two, alone
@@ -583,7 +585,8 @@ def _from_the_first_third(search: SetSearch) -> list[tuple[Signature, Signature,
         names = (a.term.mechanism, b.term.mechanism)
         if extra <= current().sets.together or len(tried) == current().sets.pairs:
             break
-        if names not in tried and not any_field(a.term, b.term, search.terms):  # the best of their variants comes first
+        new = names not in tried and search.new(a.term, b.term)
+        if new and not any_field(a.term, b.term, search.terms):  # the best of their variants comes first
             tried.add(names)
             chosen.append((a, b))
     how = current().evaluations
@@ -614,7 +617,7 @@ def _beside_each(
         spread = search.spread(first.fit)
         others = [t for t in search.terms if t.mechanism != first.mechanism]
         others = [t for t in others if not any_field(first.term, t, search.terms)]
-        others = [t for t in others if first.numbers + len(t.free) <= numbers]
+        others = [t for t in others if first.numbers + len(t.free) <= numbers and search.new(first.term, t)]
         bank = make_bank(search.fitter, first.fit, others)
         beside = [s for s in bank.signatures if _shows(s, spread, first.fit)]
         beside = sorted((s for s in beside if first.fit.chi2 - s.gain < below), key=lambda s: -s.gain)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ...laws import has_role
 from ..data import Case
 from ..hypothesis import Hypothesis, Term
 from .fit import Fitter
@@ -22,6 +23,7 @@ class SetSearch:
     terms : the candidates;  training : recordings that are learnt from;  inner : scores inside the training part
     scores : these scores, by the labels of laws: those of sets that are tried are added;  rng : of the nulls
     notes : what a reader should know, to which is added
+    seeks : a role that one law of a set has to have, where all without it were tried before
     """
 
     base: Fit
@@ -32,6 +34,7 @@ class SetSearch:
     scores: dict[str, float]
     rng: np.random.Generator
     notes: list[str]
+    seeks: str = ""
 
     @property
     def first(self) -> int:
@@ -41,6 +44,10 @@ class SetSearch:
     def spread(self, fit: Fit) -> float:
         """Inflation of variances by what a fit leaves over."""
         return spread_of(fit, self.training)
+
+    def new(self, *terms: Term) -> bool:
+        """Whether a set of laws has not been tried before for want of the role that is sought."""
+        return not self.seeks or any(has_role(t.mechanism, self.seeks) for t in terms)
 
     def scene_with(self, *terms: Term) -> Hypothesis:
         """The recalibrated scene with these laws."""

@@ -66,6 +66,7 @@ class Study:
     progress: Progress
     late: Callable[[float], bool]  # whether that share of the budget is spent
     notes: list[str] = field(default_factory=list)
+    seeks: str = ""  # a role that one of several laws has to have, where all without it were tried before
 
     @property
     def kicked(self) -> list[Case]:
@@ -542,7 +543,9 @@ def search_with(study: Study, tried: FittedAlone, fitter: Fitter) -> SetSearch:
     base, inner = tried.recalibrated, study.inner
     asked = beside_terms(study.cases)
     beside = [scaled_like(t, s.term) for t, s in zip(asked, make_bank(fitter, base, asked).signatures, strict=True)]
-    return SetSearch(base, fitter, [*tried.terms, *beside], study.training, inner, tried.inner, study.rng, study.notes)
+    return SetSearch(
+        base, fitter, [*tried.terms, *beside], study.training, inner, tried.inner, study.rng, study.notes, study.seeks
+    )
 
 
 def explained_by(study: Study, tried: FittedAlone, chosen: Trial | None) -> Explanation:
