@@ -255,6 +255,23 @@ def motor(gain):
     return use("drive", bodies=["cart"], gain=gain)
 
 
+def boxed(*laws):
+    """Two disks that meet each other and the walls of a box."""
+    scene = Scene.box(0.1, 0.06)
+    a = Body("a", "free", 0.01, MASS, initial=(0.02, 0.02, 0.9, 0.35))
+    b = Body("b", "free", 0.01, MASS, initial=(0.06, 0.031, -0.4, 0.1))
+    return replace(scene, bodies=(a, b, *scene.bodies), laws=laws), 1e-3
+
+
+def bounce(restitution, walls=None):
+    walls = {} if walls is None else {"wall_restitution": walls}
+    return use("contact_elastic", restitution=restitution, **walls)
+
+
+def rub(mu, *bodies):
+    return use("contact_friction", mu=mu, bodies=bodies or None)
+
+
 PUSH = use("uniform_force", a=(0.4, 0.1))
 LIMIT = use("actuator_saturation", limit=0.5)
 
@@ -264,7 +281,11 @@ LIMIT = use("actuator_saturation", limit=0.5)
     [
         (meeting, [use("linear_drag", c=0.3, p=1)], [use("linear_drag", c=0.2, p=1)], True),
         (meeting, [PUSH], [use("uniform_force", a=(0.1, -0.3))], True),
-        (meeting, [use("contact_friction", mu=0.01)], [use("contact_friction", mu=0.02)], False),
+        (meeting, [use("contact_friction", mu=0.01)], [use("contact_friction", mu=0.02)], True),
+        (boxed, [bounce(0.8), rub(0.1)], [bounce(0.6, 0.9), rub(0.3)], True),
+        (boxed, [bounce(0.8), rub(0.1, "a"), rub(0.2, "b")], [bounce(0.8), rub(0.3, "a"), rub(0.4, "b")], True),
+        (boxed, [bounce(0.8), rub(0.1, "a"), rub(0.2, "b")], [bounce(0.8), rub(0.3, "a"), rub(0.3, "b")], False),
+        (boxed, [bounce(0.8), rub(0.1, "a"), rub(0.1, "b")], [bounce(0.8), rub(0.3, "a"), rub(0.4, "b")], False),
         (meeting, [PUSH, use("added_mass", beta=0.2)], [PUSH, use("added_mass", beta=0.4)], False),
         (cart, [motor(0.9), LIMIT], [motor(0.7), LIMIT], True),
         (arms, [use("joint_drag", c=1e-3)], [use("joint_drag", c=2e-3)], True),

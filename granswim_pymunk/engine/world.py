@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import pymunk
@@ -53,7 +53,7 @@ class World:
         space.damping = 1.0
         space.iterations = 100 if impulse else 1
         space.sleep_time_threshold = float("inf")
-        surface_of = self._surfaces(impulse)
+        surface_of = self._surfaces(scene)
         # how bodies bounce and rub: a bit for each way, which tells Chipmunk the segments they meet
         ways = list(dict.fromkeys(surface_of[b.id] for b in scene.bodies if b.mobile))
         self._bits = {way: 1 << (31 - k) for k, way in enumerate(ways if scene.walls else ())}
@@ -89,12 +89,12 @@ class World:
 
     # ---- building -------------------------------------------------------------------------------
 
-    def _surfaces(self, impulse: list[Any]) -> dict[str, Surface]:
+    def _surfaces(self, scene: Scene) -> dict[str, Surface]:
         """Root of restitution and of friction of each body, and what gives that of walls beside the first."""
-        ids = self._scene.ids
+        ids, impulse = scene.ids, [item for item in scene.laws if item.law.kind == "impulse"]
         restitution = dict.fromkeys(ids, (1.0, 1.0))
         for item in impulse:
-            values = self._scene.resolved(item)
+            values = scene.resolved(item)
             root = wall = math.sqrt(values["restitution"])
             if values["wall_restitution"] != values["restitution"]:
                 root = max(root, LEAST_ROOT)
@@ -102,7 +102,7 @@ class World:
             for name in item.bodies or ids:
                 restitution[name] = root, wall
         friction = dict.fromkeys(ids, 0.0)
-        for item in self._scene.laws_named("contact_friction") if impulse else ():
+        for item in scene.laws_named("contact_friction") if impulse else ():
             for name in item.bodies or ids:
                 friction[name] = math.sqrt(item.values["mu"])
         return {name: Surface(restitution[name][0], friction[name], restitution[name][1]) for name in ids}
@@ -174,6 +174,27 @@ class World:
                     self.segments.append(segment)
 
     # ---- shapes ---------------------------------------------------------------------------------
+
+    def resurface(self, scene: Scene) -> bool:
+        """Let bodies and walls bounce and rub as in a scene that has other numbers of its contacts, and no more.
+
+        False, and nothing done, where other bodies are alike then: which segment a body meets hangs on that.
+        """
+        surface_of = self._surfaces(scene)
+        bodies = [self._scene.bodies[row] for row in self._order.rows_of]
+        alike = list(dict.fromkeys(surface_of[b.id] for b in self._scene.bodies if b.mobile))
+        if self._scene.walls:
+            bits = {way: 1 << (31 - k) for k, way in enumerate(alike)}
+            met = [(b, c.filter.mask & sum(self._bits.values())) for b, c in zip(bodies, self.circles, strict=True)]
+            if any(bits.get(surface_of[b.id]) != bit for b, bit in met if bit) or len(bits) != len(self._bits):
+                return False
+            self._bits = bits
+            own = [surface for _ in range(len(self.segments) // len(bits)) for surface in bits]
+            for segment, surface in zip(self.segments, own, strict=True):
+                segment.elasticity, segment.friction = surface.wall, surface.rub
+        for body, circle in zip(bodies, self.circles, strict=True):
+            circle.elasticity, circle.friction, _ = surface_of[body.id]
+        return True
 
     def add_shapes(self) -> None:
         """Circles and segments into the Space, where Chipmunk finds contacts and a user sees them."""

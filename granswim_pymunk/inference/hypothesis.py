@@ -514,8 +514,12 @@ _BUT_LAWS = tuple(f.name for f in fields(Scene) if f.name != "laws")
 
 
 def _but_for_laws(one: Scene | None, other: Scene) -> bool:
-    """Whether two scenes have all but their laws in common, as one that was made of the other by other laws."""
-    return one is not None and all(getattr(one, name) is getattr(other, name) for name in _BUT_LAWS)
+    """Whether two scenes have all but their laws in common, as one that was made of the other by other laws.
+
+    Bodies are compared by what they are: those of fitted masses and radii are made anew for every run.
+    """
+    pairs = ((getattr(one, name), getattr(other, name)) for name in _BUT_LAWS) if one is not None else ()
+    return one is not None and all(mine is theirs or mine == theirs for mine, theirs in pairs)
 
 
 def _end_of(simulation: Simulation, scene: Scene, time: float, starts: tuple[StartBody, ...]) -> End:

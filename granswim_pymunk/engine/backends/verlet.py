@@ -113,22 +113,23 @@ class Verlet(Native):
         for old, new in zip(before, laws, strict=True):
             if old.law is not new.law or old.bodies != new.bodies:
                 return False
-            # more than tables is made of these: how disks bounce and rub, Chipmunk's joints, links and what they move
-            surface = self.impulse and old.name == "contact_friction"
-            joint = held and old.law.kind == "constraint"
-            if (old.law.kind not in KIND_ORDER or surface or joint) and old.values != new.values:
+            # more than tables is made of Chipmunk's joints, links and what they move
+            if held and old.law.kind == "constraint" and old.values != new.values:
+                return False
+            if old.law.kind not in (*KIND_ORDER, "impulse") and old.values != new.values:
                 return False
         scene = self.scene.having_laws(laws)
         uses = self.uses.of(before, laws) or uses_of(scene, self.order)
         if uses.reach(scene) != self.uses.reach(self.scene):
             return False
         known, b = self.state.laws, self.state.bodies
-        if scene.inputs:  # what a motor makes of its commands hangs on its gain
-            t, v, _ = commands_of(scene, self.order)
-            if t.shape != known.input_t.shape:
-                return False
-            known.input_t[...], known.input_v[...] = t, v
+        # what a motor makes of its commands hangs on its gain
+        t, v = commands_of(scene, self.order)[:2] if scene.inputs else (known.input_t, known.input_v)
+        if t.shape != known.input_t.shape or (self.impulse and not self.world.resurface(scene)):
+            return False
+        known.input_t[...], known.input_v[...] = t, v
         self.scene, self.uses = scene, uses
+        self.impulse = [item for item in scene.laws if item.law.kind == "impulse"]
         if len(known.joint_at):
             known.joint_at[...] = anchors_of(scene)
         eased = b.ease.copy()
