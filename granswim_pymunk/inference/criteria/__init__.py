@@ -36,6 +36,7 @@ from .tracks import (
     SegmentCriteria,
     SetCriteria,
     SignatureCriteria,
+    TouchCriteria,
 )
 from .windows import WindowCriteria
 
@@ -66,6 +67,7 @@ class Criteria:
     verdict: VerdictCriteria = field(default_factory=VerdictCriteria)
     candidates: CandidateCriteria = field(default_factory=CandidateCriteria)
     kicks: KickCriteria = field(default_factory=KickCriteria)
+    touches: TouchCriteria = field(default_factory=TouchCriteria)
     segments: SegmentCriteria = field(default_factory=SegmentCriteria)
     fits: FitCriteria = field(default_factory=FitCriteria)
     signatures: SignatureCriteria = field(default_factory=SignatureCriteria)

@@ -93,6 +93,28 @@ class KickCriteria:
 
 
 @dataclass(frozen=True)
+class TouchCriteria:
+    """When bodies turn away from each other at another distance than their radii make.
+
+    near : of the sum of the radii, a gap below which bodies may have met. Choice: nobody guesses a radius worse
+    sharp : noise that the step of a velocity makes in one frame;  along : of it, that goes along the line of centres.
+        Choices: friction is a part of the impulse, and what turns two bodies over several frames is no impact
+    late : variances of noise that the time of a step has, over its size squared. Theory: of parabolas through six
+        frames on either side
+    agree : chi2 of each impact about their mean, at most;  sure : standard errors of the mean;  share : of the sum of
+        the radii. Choices: a ruler tells a hundredth
+    """
+
+    near: float = 0.15
+    sharp: float = 5.0
+    along: float = 0.5
+    late: float = 3.0
+    agree: float = 4.0
+    sure: float = 4.0
+    share: float = 0.01
+
+
+@dataclass(frozen=True)
 class SegmentCriteria:
     """Where tracks are cut, and how closely their segments join.
 
