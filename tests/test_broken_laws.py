@@ -92,6 +92,7 @@ CASES = [
     ("ambient_flow", lambda: sliding(use("quadratic_flow", c=0.3, u=(0.3, -0.1), p=1))),
     ("added_mass", lambda: sliding(use("uniform_force", a=(0.5, -0.2)), use("added_mass", beta=0.4))),
     ("spring", carts),
+    ("lift", lambda: sliding(use("lift", l=-0.3))),
     ("curved_surface", lambda: sliding(use("curved_surface", curvature=0.4, centre=(0.1, 0.2)))),
     ("nonlinear_spring", lambda: carts(use("nonlinear_spring", k_3=400.0))),
     ("wall_drag", lambda: pressed(use("wall_drag", c=0.5, range=0.01))),

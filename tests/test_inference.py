@@ -57,6 +57,7 @@ def test_a_law_is_named_by_what_it_explains_and_not_by_what_is_left():
     assert not accepted(share(0.6), [share(0.85)], 0.0)[0]  # a nameless force leaves less than half of that
     assert accepted(share(0.92), [share(0.97)], 0.0)[0]  # and less than a tenth where most is explained
     assert not accepted(share(0.92), [share(0.995)], 0.0)[0]
+    assert accepted(share(0.92), [share(0.995)], 5.0)[0]  # of which training data, its numbers paid for, ask for less
     assert not accepted(share(0.6), [], 0.0)[0] and accepted(share(0.75), [], 0.0)[0]  # no form to hold against
     assert accepted(share(0.1, sure=False), [], 10.0)[0] and not accepted(share(0.1, sure=False), [], -10.0)[0]
 

@@ -71,6 +71,7 @@ CASES = [
     ("point_force", "bed", {"s": 2e-3, "a": (2e-3, -1e-3), "n": 1.5}),
     ("buried_force", "bed", {"s": -2e-3, "a": (2e-3, -1e-3), "n": 4, "b": 3e-3}),
     ("pair_spring", "carts", {"k": 2.0, "f_0": 0.7}),
+    ("lift", "bed", {"l": 2e-3}),
     *[("curved_surface", "carts", {"curvature": 0.3, "bent": b, "centre": (0.1, -0.2)}) for b in (0, 1, 2)],
     ("cohesion", "bed", {"force": 1e-3, "range": 1e-4}),
     ("contact_friction", "bed", {"mu": 0.4, "v_0": 1e-2}),
@@ -307,7 +308,7 @@ def test_where_laws_can_act():
         where: {law.name for law in all_laws().values() if law.name in MECHANISMS and build()[0].admits(law)}
         for where, build in SCENES.items()
     }
-    always = {"ambient_flow", "quadratic_flow", "added_mass", "point_force", "buried_force", "curved_surface"}
+    always = {"ambient_flow", "quadratic_flow", "added_mass", "point_force", "buried_force", "curved_surface", "lift"}
     pairs = {"distance_force", "cohesion", "pair_lubrication"}
     actuators = {"actuator_lag", "actuator_delay", "actuator_saturation", "actuator_deadband"}
     assert admitted["carts"] == always | pairs | {"nonlinear_spring", "pair_spring"}

@@ -7,7 +7,7 @@ import pytest
 
 from granswim_pymunk import Body, Scene, make_recording, use
 from granswim_pymunk.inference.data import prepare_all
-from granswim_pymunk.inference.tracks.touch import away_from_radii
+from granswim_pymunk.inference.tracks.touch import away_from_radii, nearer_than_radii
 
 RADIUS, NOISE = 0.03, 1e-4
 
@@ -53,6 +53,14 @@ def test_what_does_not_meet_or_turns_away_before_is_not_told():
     repelled = (*BOUNCE, use("distance_force", s=1e-4, n=2.0))
     assert not away_from_radii(case_of(t, xy, 1.04 * RADIUS, repelled))
     assert not away_from_radii(case_of(*two_pucks(seconds=0.2), 1.04 * RADIUS, BOUNCE))  # has not met yet
+
+
+@pytest.mark.parametrize(("share", "says"), [(1.0, False), (1.05, False), (1.3, True)])
+def test_centres_that_come_much_nearer_than_radii_allow_are_told(share, says):
+    notes = nearer_than_radii(case_of(*two_pucks(), share * RADIUS, ()))
+    assert len(notes) == says
+    if says:
+        assert "a and b come as near as 6" in notes[0] and "their radii make 78 mm" in notes[0]
 
 
 def test_a_rest_of_magnets_is_no_impact():

@@ -20,12 +20,12 @@ CONTACTS = ("contact_linear", "contact_hertz")
 CHAIN_LAWS = ("union", "bending")
 FIELDS = (
     "gravity", "uniform_force", "linear_drag", "quadratic_drag", "coulomb_substrate", "confinement", "spring",
-    "curved_surface",
+    "curved_surface", "lift",
 )  # fmt: skip
 # drags and friction of substrate and joints: in the exact scheme they see the velocity of the positions' time
 DAMPED = (
     "linear_drag", "quadratic_drag", "coulomb_substrate", "confinement", "ambient_flow", "quadratic_flow",
-    "wall_drag", "pin_friction", "joint_friction", "joint_drag",
+    "wall_drag", "pin_friction", "joint_friction", "joint_drag", "lift",
 )  # fmt: skip
 CONSTRAINTS = ("pin", "rail", "drive")
 BRAKES = ("dry_friction", "pin_stiction")
@@ -381,6 +381,8 @@ class Forces:
         if item.name == "curved_surface":
             bent = np.array({0: [1.0, 1.0], 1: [1.0, 0.0], 2: [0.0, 1.0]}[int(values["bent"])])
             return -mass * self.scene.gravity_size * values["curvature"] * bent * (xy - np.array(values["centre"]))
+        if item.name == "lift":
+            return values["l"] * speed * v[:, ::-1] * np.array([-1.0, 1.0])
         # a spring to an anchor
         r = xy - np.array(values["anchor"])
         distance = np.hypot(r[:, 0], r[:, 1])[:, None]

@@ -370,15 +370,15 @@ def out_of_place(law: Law, cases: Sequence[Case]) -> bool:
     rubs by its weight on a substrate has none there: with one joint, where it is the friction of the joint in other
     numbers, it stays as its rival; with several it is another law, of an apparatus that is not this one. A stream whose
     drag is not linear has its place where bodies fly. Along a rail what blows across makes the drag anything from a
-    square to a line, and nobody sees it; over a table a slow one is a drag and a slope. What flies has no substrate.
-    What sinks at an even speed is borne by a drag: whatever does not ask for speeds would be as large as its weight by
-    chance.
+    square to a line, and nobody sees it; over a table a slow one is a drag and a slope. What flies has no substrate,
+    and nothing else has lift. What sinks at an even speed is borne by a drag: whatever does not ask for speeds would be
+    as large as its weight by chance.
     """
     asks = law.kind != "body" or (law.role != "place" and bool({"vx", "vy"} & set(law.arguments)))
     if not asks and all(sinks_evenly(c) for c in cases if not c.held_out):
         return True
-    rubs = law.damping and "g" in law.arguments
-    if rubs and all(_flies(c.recording.scene) for c in cases):
+    rubs, flies = law.damping and "g" in law.arguments, [_flies(c.recording.scene) for c in cases]
+    if (rubs and all(flies)) or (law.role == "across" and law.candidate == "named" and not all(flies)):
         return True
     held: set[str] = set()
     for other in all_laws().values():

@@ -333,8 +333,9 @@ def accepted(
         return False, f"on some parts of the data {they} no better than the scene without {them}"
     part = c.free_form_high if named.share >= c.high else c.free_form
     best = min((f.left for f in forms), default=np.inf)
-    # where both leave no more than replicates do, neither is ahead
-    if best < part * named.left and named.left - max(best, 0.0) > c.beyond * named.spread:
+    # where both leave no more than replicates do, neither is ahead; nor is a form for which the data that it was fitted
+    # to ask less than for the names, its numbers paid for
+    if best < part * named.left and named.left - max(best, 0.0) > c.beyond * named.spread and ahead < c.same:
         return False, "a force without a name leaves far less"
     return True, ""
 

@@ -103,6 +103,8 @@ class TouchCriteria:
         frames on either side
     agree : chi2 of each impact about their mean, at most;  sure : standard errors of the mean;  share : of the sum of
         the radii. Choices: a ruler tells a hundredth
+    deep : of the sum of the radii, by which centres are nearer than that in ``frames``, from which it is told. Choices:
+        soft contacts give way by less, and outliers are single ones
     """
 
     near: float = 0.15
@@ -112,6 +114,8 @@ class TouchCriteria:
     agree: float = 4.0
     sure: float = 4.0
     share: float = 0.01
+    deep: float = 0.1
+    frames: int = 3
 
 
 @dataclass(frozen=True)
@@ -461,6 +465,8 @@ class SetCriteria:
         Choice
     near_partner : of what one of two laws explains, how much another one must, to first order, to be its rival;
         ``partners``: such rivals that are refitted;  rounds : in which one of two laws may be exchanged. Choice
+    as_well : of chi2 that the best second law leaves to first order, which one of fewer numbers may leave to be
+        refitted, too. Choice: first order is right to a factor
     stream : of the speed of the fastest body, below which a stream is rather a correction to a drag. Choice
     entry : chi2 that a body's own recordings have to gain for a law to act on it;  entry_sure : that needs no better
         prediction. Choice: 10 come by chance one time in six hundred, 40 never
@@ -486,6 +492,7 @@ class SetCriteria:
     both: float = 12.0
     clearly: float = 0.5
     near_partner: float = 0.7
+    as_well: float = 2.0
     partners: int = 4
     rounds: int = 2
     stream: float = 0.15

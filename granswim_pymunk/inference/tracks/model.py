@@ -119,7 +119,7 @@ from .study import (
     without_outliers,
     without_single_ones,
 )
-from .touch import away_from_radii
+from .touch import away_from_radii, nearer_than_radii
 from .undeclared import Instead, declared, in_a_lost_scene, instead_of
 from .verdict import (
     Told,
@@ -1219,7 +1219,7 @@ class Tracks(ObservationModel):
             notes += [at_its_bound(f, value) for f, value in self._at_bounds(course.judged.claim.fit)]
         if not course.left.complete:
             notes += self._kicks_untold(laws)
-            notes += [note for case in self.study.cases for note in away_from_radii(case)]
+            notes += [note for case in self.study.cases for note in (*away_from_radii(case), *nearer_than_radii(case))]
         revised, floor = self.standing(course, self.held)["revised"].rms, self.floor[1]
         if revised and floor and revised > current().left.told * floor:
             times = revised / floor

@@ -410,10 +410,12 @@ def _as_late(
 
     A lag is a delay to first order, so that beside one nothing shows of it, while the one has taken the time of both.
     """
+    late = [s for s in signatures if has_role(s.term.mechanism, "late") and len(s.term.free) == 1]
+    if not late or not any(has_role(t.mechanism, "late") for t in found):
+        return []
     rows = rows_of(found, search.first)
     own = [at.start for t, at in zip(found, rows, strict=True) if has_role(t.mechanism, "late") and t.numbers == 1]
-    late = [s for s in signatures if has_role(s.term.mechanism, "late") and len(s.term.free) == 1]
-    if not own or not late:
+    if not own:
         return []
 
     def shared(fitter: Fitter, signature: Signature, part: float) -> Fit:
@@ -440,7 +442,7 @@ def _in_other_orders(
         base = _limits_last(revised)
         asked = [(s, base) for s in signatures if base is not revised and has_role(s.term.mechanism, "late")]
     jobs = [partial(refit, base=base, signature=s, stages=(1.0,)) for s, base in asked]
-    fits = side_by_side(search.fitter, jobs)
+    fits = side_by_side(search.fitter, jobs) if jobs else []
     return [(s, fit) for (s, _), fit in zip(asked, fits, strict=True)]
 
 
@@ -604,6 +606,8 @@ def _beside_each(
 ) -> list[tuple[Signature, Signature, Fit]]:
     """Beside each of the laws that explain most alone, the ones that explain most of what it leaves, best first.
 
+    Of what leaves nearly as little, to first order, the one with fewest numbers is asked as well: a lift beside a drag,
+    where a stream comes first.
     numbers : that both have together at most;  below : where chi2 is to first order
     """
     sets, firsts = current().sets, list[Trial]()
@@ -611,7 +615,7 @@ def _beside_each(
         variant = sum(t.mechanism == f.mechanism for f in firsts)
         if t.fit is not None and t.numbers < numbers and variant < sets.variants and len(firsts) < sets.firsts:
             firsts.append(replace(t, fit=search.fitter.of_these_segments(t.fit)))
-    ranked = []
+    ranked, plainer = [], []
     for first in firsts:
         assert first.fit is not None
         spread = search.spread(first.fit)
@@ -621,13 +625,20 @@ def _beside_each(
         bank = make_bank(search.fitter, first.fit, others)
         beside = [s for s in bank.signatures if _shows(s, spread, first.fit)]
         beside = sorted((s for s in beside if first.fit.chi2 - s.gain < below), key=lambda s: -s.gain)
-        ranked += [(place, first.fit.chi2 - s.gain, first, s) for place, s in enumerate(beside)]
+        left = {id(s): first.fit.chi2 - s.gain for s in beside}
+        ranked += [(place, left[id(s)], first, s) for place, s in enumerate(beside)]
+        near = [s for s in beside if left[id(s)] < sets.as_well * left[id(beside[0])] and not stands_beside(s.term)]
+        fewest = min(near, key=lambda s: (len(s.term.free), left[id(s)]), default=None)
+        if fewest is not None and fewest is not beside[0]:
+            plainer.append((left[id(fewest)], first, fewest))
     chosen: dict[frozenset[str], tuple[Trial, Signature]] = {}
     for _, _, first, second in sorted(ranked, key=lambda r: r[:2]):
         chosen.setdefault(frozenset((first.term.label, second.term.label)), (first, second))
     every = chosen.values()
     named, extra = ([pair for pair in every if stands_beside(pair[1].term) is kind] for kind in (False, True))
     pairs = named[: sets.pairs] + extra[: sets.variants]
+    more = [(first, s) for _, first, s in sorted(plainer, key=lambda p: p[0])[: sets.partners]]
+    pairs += [pair for pair in more if not any(pair[0] is a and pair[1] is b for a, b in pairs)]
 
     def fitted(own: Fitter, first: Trial, second: Signature) -> Fit:
         assert first.fit is not None

@@ -576,12 +576,14 @@ def explained_by(study: Study, tried: FittedAlone, chosen: Trial | None) -> Expl
     left = left_over(revised, recalibrated, now, scores["recalibrated"], training)
     # a small part of a misfit a thousand times the noise is still far from noise, where one law alone stands
     poor = left > current().sets.poor or (len(found) < 2 and now > current().signatures.far ** 2)
-    if spread_of(revised, training) > 1 and poor:
+    # with what nobody sees beside a drag the search begins, or with it alone: other pairs were tried without it
+    if spread_of(revised, training) > 1 and poor and not study.seeks:
         pair = pair_of(search, tried.alive, now)
         if pair and pair[0].fit is not None:
             found, revised = pair, pair[0].fit
     if not study.late(current().budget.exchanges):
-        found, revised = two_for_one(search, tried.alive, found, revised)
+        if not study.seeks:
+            found, revised = two_for_one(search, tried.alive, found, revised)
         found, revised = drag_and_push(search, found, revised)
         found, revised = two_beside(search, found, revised)
     others: list[Exchange] = []

@@ -46,6 +46,28 @@ def away_from_radii(case: Case) -> list[str]:
     ]
 
 
+def nearer_than_radii(case: Case) -> list[str]:
+    """A note on the pair whose centres come much nearer than its radii allow: laws that end at contact end too early.
+
+    Where contacts are soft, or a radius is a guess as of a cart's half length, bodies overlap a little in any film.
+    """
+    scene, c, paths = case.recording.scene, current().touches, paths_of(case)
+    deepest = None
+    for a, b in combinations(paths, 2):
+        radii = scene.body(a).radius + scene.body(b).radius
+        gap = np.linalg.norm(paths[b][0] - paths[a][0], axis=1)
+        near = np.sort(gap[np.isfinite(gap)])[: c.frames]
+        if len(near) == c.frames and near[-1] < (1 - c.deep) * radii and near[-1] < radii - c.sure * paths[a][1]:
+            deepest = min(deepest or (1.0, "", "", 0.0, 0.0), (near[-1] / radii, a, b, near[-1], radii))
+    if deepest is None:
+        return []
+    _, a, b, near, radii = deepest
+    return [
+        f"{case.name}: {a} and {b} come as near as {1000 * near:.4g} mm between their centres, and their radii make "
+        f"{1000 * radii:.4g} mm: laws between bodies that do not touch end there; look at the radii"
+    ]
+
+
 def _impacts(t: np.ndarray, way: np.ndarray, radii: float, noise: float) -> Iterator[tuple[float, float]]:
     """Of each impact the distance of the centres [m] and its variance: where a parabola's velocity has a step.
 

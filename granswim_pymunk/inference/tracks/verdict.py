@@ -105,6 +105,13 @@ def as_the_picture(entries: Sequence[Mapping[str, Any]], cases: Sequence[Case]) 
         across = float(np.linalg.norm(a - gravity * (a @ gravity) / size**2))
         ordinary = current().verdict.ordinary
         if across > ordinary * float(np.linalg.norm(a)):
+            if float(np.linalg.norm(a)) < ordinary * size:
+                turned = math.degrees(math.atan2(across, seen * size))
+                total = float(np.linalg.norm(gravity + a)) / size
+                notes.append(
+                    f"with {law.name} gravity is {total:.4g} times that of the scene, turned by {turned:.2g} degrees: "
+                    f"a camera that hangs askew by as much, and lengths off by {100 * abs(total - 1):.2g} %, look so"
+                )
             continue
         if abs(1 + seen) < ordinary:
             notes.append(
