@@ -489,6 +489,15 @@ def test_a_stream_over_bodies_of_one_mass_is_told_as_a_drag_and_a_push_as_well(m
     assert (says in notes[0] and ("leans" in notes[0]) == flat) if says else not notes
 
 
+@pytest.mark.parametrize(("up", "says"), [(0.0327, True), (-0.0327, False), (0.9, False)])
+def test_a_stream_up_along_gravity_is_told_as_the_inertia_of_what_sinks(up, says):
+    """g - c u/m = g/(1 + beta): of (5.232, 5.232 - 4.25) m/s^2 a fifth of the weight, an inertia of 1.23 masses."""
+    scene = Scene((Body("ball", "free", 0.006, 0.0024),), (), (0.0, -5.232))
+    entry = {"name": "ambient_flow", "parameters": {"c": {"value": 0.072}, "u": {"value": [0.0, up]}}}
+    (note,) = as_a_push([entry], [SimpleNamespace(recording=SimpleNamespace(scene=scene))], {"ambient_flow"})
+    assert ("an inertia of 1.23 masses with c = 0.0886 kg/s" in note) == says
+
+
 @pytest.mark.deep
 def test_a_dead_band_of_a_motor_is_named():
     t = np.arange(300) / 50

@@ -45,7 +45,7 @@ FULL = {
     "small-curve": range(1006, 1022),
 }
 # under real-life conditions: three in ten of the bodies are nulls
-FULL_REAL = {"real-life": range(4043, 4213), "real-life-bed": range(1027, 1036)}
+FULL_REAL = {"real-life": range(4213, 4383), "real-life-bed": range(1027, 1036)}
 
 _RUNNING: set[subprocess.Popen[str]] = set()  # diagnoses under way
 _GONE = threading.Event()  # nobody waits for them any more, nor for those that are begun after it

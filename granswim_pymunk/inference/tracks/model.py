@@ -1219,7 +1219,7 @@ class Tracks(ObservationModel):
             notes += [at_its_bound(f, value) for f, value in self._at_bounds(course.judged.claim.fit)]
         if not course.left.complete:
             notes += self._kicks_untold(laws)
-            notes += [note for case in self.study.cases for note in (*away_from_radii(case), *nearer_than_radii(case))]
+        notes += [note for case in self.study.cases for note in (*away_from_radii(case), *nearer_than_radii(case))]
         revised, floor = self.standing(course, self.held)["revised"].rms, self.floor[1]
         if revised and floor and revised > current().left.told * floor:
             times = revised / floor

@@ -143,6 +143,7 @@ def as_the_picture(entries: Sequence[Mapping[str, Any]], cases: Sequence[Case]) 
 def as_a_push(entries: Sequence[Mapping[str, Any]], cases: Sequence[Case], forms: Collection[str]) -> list[str]:
     """What a stream is where all bodies have one mass: a drag and a push as well, -c (v - u) = -c v + m a, a = c u/m.
 
+    A push against gravity g is that of a larger inertia, too, as of a ball that sinks: g - a = g/(1 + beta).
     forms : laws that were found; another form of a stream, whose drag is no line, is no sum of such two
     """
     masses = {mass for name, _, mass in distinct_bodies(cases)}
@@ -158,10 +159,17 @@ def as_a_push(entries: Sequence[Mapping[str, Any]], cases: Sequence[Case], forms
         a = float(numbers["c"]["value"]) * np.array(numbers["u"]["value"], float) / min(masses)
         size = float(np.hypot(*a))
         slope = min(size / STANDARD_GRAVITY, 1.0)
+        gravity = np.array(cases[0].recording.scene.gravity)
+        borne = -float(a @ gravity) / max(float(gravity @ gravity), 1e-300)  # of its weight
+        heavier = ""
+        if 0 < borne < 1 and float(np.linalg.norm(a + borne * gravity)) < current().verdict.ordinary * size:
+            more = 1 / (1 - borne)
+            drag = more * float(numbers["c"]["value"])
+            heavier = f", and as an inertia of {more:.3g} masses with c = {drag:.3g} kg/s, as of what sinks in a liquid"
         level = f", as of a table that leans by {math.degrees(math.asin(slope)):.2g} degrees" if flat else ""
         notes.append(
             f"{law.mechanism} is the same as {law.nests[0]} with this c and a push on all bodies of "
-            f"({a[0]:.3g}, {a[1]:.3g}) m/s^2{level}: no motion of bodies of one mass tells them apart"
+            f"({a[0]:.3g}, {a[1]:.3g}) m/s^2{level}{heavier}: no motion of bodies of one mass tells them apart"
         )
     return notes
 
