@@ -31,10 +31,10 @@ def test_what_a_start_explains_is_no_law(monkeypatch):
     assert model._without_laws(claim) is None and model._without_laws(Claim((), plain)) is None
 
     caught = replace(plain, chi2=1e5, starts={name: s + 0.1 for name, s in plain.starts.items()})
-    model.tried = SimpleNamespace(recalibrated=caught, terms=[term], naive=caught)
+    model.tried = SimpleNamespace(recalibrated=caught, terms=[term], naive=caught, alive=[])
     again: list[Any] = []
 
-    def tried(study, naive, fit):
+    def tried(study, naive, fit, earlier):
         again.append(fit)
         return SimpleNamespace(recalibrated=fit)
 

@@ -12,8 +12,9 @@ import pytest
 from scipy.integrate import solve_ivp
 from two_arms import two_arms
 
+from granswim_pymunk import make_recording
 from granswim_pymunk.inference.candidates import named_terms, scaled_like, with_numbers
-from granswim_pymunk.inference.data import Case, prepare
+from granswim_pymunk.inference.data import Case, prepare, prepare_all
 from granswim_pymunk.inference.hypothesis import Hypothesis, Predictor, Term
 from granswim_pymunk.inference.judge import Claim, Judgement
 from granswim_pymunk.inference.start import describe_starts
@@ -185,6 +186,24 @@ def test_arms_that_hang_from_one_another_rub_on_no_substrate():
     named = {n: {t.mechanism for t in named_terms([c])} for n, c in ((1, one), (2, two))}
     assert {"coulomb_substrate", "joint_friction", "linear_drag"} <= named[1]
     assert {"joint_friction", "joint_drag", "linear_drag"} <= named[2] and "coulomb_substrate" not in named[2]
+
+
+def test_a_bob_that_hangs_from_another_by_a_rod_rubs_on_no_substrate_either():
+    t = np.arange(0.0, 1.0, 0.02)
+    upper = 0.3 * np.stack([np.sin(0.2 * np.cos(5 * t)), -np.cos(0.2 * np.cos(5 * t))], axis=1)
+    xy = np.stack([upper, upper - np.array([0.0, 0.25])], axis=1)
+    pin = use("pin", bodies=["up"], anchor=(0.0, 0.0), length=0.3)
+    rod = use("rod", bodies=["up", "low"], length=0.25)
+    bodies = tuple(Body(b, "free", 0.01, 0.1) for b in ("up", "low"))
+
+    def named(laws, bodies, xy):
+        scene = Scene(bodies, laws, gravity=(0.0, -9.81))
+        return {term.mechanism for term in named_terms(prepare_all([make_recording(t, xy, scene=scene)]))}
+
+    assert "coulomb_substrate" in named((pin,), bodies[:1], xy[:, :1])
+    both = named((pin, rod), bodies, xy)
+    assert "coulomb_substrate" not in both and "joint_friction" in both
+    assert "lift" not in both  # nor does it fly
 
 
 def test_a_stream_at_rest_beside_another_law_is_told_as_a_drag():

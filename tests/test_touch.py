@@ -63,6 +63,13 @@ def test_centres_that_come_much_nearer_than_radii_allow_are_told(share, says):
         assert "a and b come as near as 6" in notes[0] and "their radii make 78 mm" in notes[0]
 
 
+def test_a_track_that_goes_over_to_another_body_is_no_impact():
+    t, xy = two_pucks()
+    xy[40:, 1] = xy[40:, 0]
+    case = case_of(t, xy, RADIUS, BOUNCE)
+    assert not away_from_radii(case) and "come as near as 0 mm" in nearer_than_radii(case)[0]
+
+
 def test_a_rest_of_magnets_is_no_impact():
     """Two gliders that repel each other turn within many frames, wherever their ends are."""
     t = np.arange(0.0, 2.0, 1 / 100)

@@ -377,8 +377,11 @@ def out_of_place(law: Law, cases: Sequence[Case]) -> bool:
     asks = law.kind != "body" or (law.role != "place" and bool({"vx", "vy"} & set(law.arguments)))
     if not asks and all(sinks_evenly(c) for c in cases if not c.held_out):
         return True
-    rubs, flies = law.damping and "g" in law.arguments, [_flies(c.recording.scene) for c in cases]
-    if (rubs and all(flies)) or (law.role == "across" and law.candidate == "named" and not all(flies)):
+    rubs, lifts = law.damping and "g" in law.arguments, law.role == "across" and law.candidate == "named"
+    scenes = [c.recording.scene for c in cases]
+    if rubs and all(_flies(s, hung=bool(s.laws_as("bar"))) for s in scenes):
+        return True
+    if lifts and not all(map(_flies, scenes)):
         return True
     held: set[str] = set()
     for other in all_laws().values():
@@ -393,13 +396,14 @@ def out_of_place(law: Law, cases: Sequence[Case]) -> bool:
     return bool(held & richer) or (by_weight and law.name in held)
 
 
-def _flies(scene: Scene) -> bool:
+def _flies(scene: Scene, hung: bool = False) -> bool:
     """Whether bodies fall in the picture's plane, or hang from rods, with nothing in it that could bear their weight.
 
     What a command moves is not asked: a load that hangs from a trolley has no substrate, whatever the trolley has.
+    hung : whether what hangs from a pin or hinge does, too
     """
     steep = math.hypot(*scene.gravity) > current().apparatus.steep * STANDARD_GRAVITY
-    borne = ("pendulum", "pivot", "guide", "tether")
+    borne = ("guide", "tether") if hung else ("pendulum", "pivot", "guide", "tether")
     held = {b for item in scene.laws_as(*borne) for b in item.bodies or scene.ids}
     led = driven(scene)
     return steep and not scene.walls and not any(b.mobile and b.id in held and b.id not in led for b in scene.bodies)

@@ -105,6 +105,7 @@ class TouchCriteria:
         the radii. Choices: a ruler tells a hundredth
     deep : of the sum of the radii, by which centres are nearer than that in ``frames``, from which it is told. Choices:
         soft contacts give way by less, and outliers are single ones
+    most : bodies, beyond which their pairs are not looked at. Choice: it stays below a second
     """
 
     near: float = 0.15
@@ -116,6 +117,7 @@ class TouchCriteria:
     share: float = 0.01
     deep: float = 0.1
     frames: int = 3
+    most: int = 100
 
 
 @dataclass(frozen=True)

@@ -292,7 +292,7 @@ class Tracks(ObservationModel):
         follows = self._without_laws(claim)
         if follows is not None:
             # all that was compared was compared with a scene that lost its way: again, with one that follows
-            tried = tried_alone(self.study, self.tried.naive, follows)
+            tried = tried_alone(self.study, self.tried.naive, follows, self.tried.alive)
             claim = self._search_again(*with_memory(*without_outliers(self.study, tried)))
         if claim.laws and self.fitter.segmented:
             claim = self._joined_more_closely(claim)

@@ -235,11 +235,13 @@ def with_closer_joints(
     return study, _all_again(study, tried)
 
 
-def tried_alone(study: Study, naive: Fit, recalibrated: Fit) -> FittedAlone:
-    """Each candidate alone, and the laws without a name beside them."""
+def tried_alone(study: Study, naive: Fit, recalibrated: Fit, earlier: Sequence[Trial] = ()) -> FittedAlone:
+    """Each candidate alone, and the laws without a name beside them.
+
+    earlier : the same candidates as they were fitted to the same segments from elsewhere
+    """
     fitter, late, progress = study.fitter, study.late, study.progress
     named = named_terms(study.cases) + jump_terms(study.training)
-    earlier: list[Trial] = []
     for _ in range(current().refits.rounds):
         progress("signatures of the candidates", 0.1)
         bank = make_bank(fitter, recalibrated, named)
@@ -309,12 +311,19 @@ def tried_besides(study: Study, tried: FittedAlone, terms: Sequence[Term]) -> Fi
 
 
 def _or_earlier(trials: Sequence[Trial], earlier: Sequence[Trial], base: Fit) -> list[Trial]:
-    """The trials, with fits of an earlier round where the time did not suffice for another: none of them is lost."""
+    """The trials, with fits of an earlier round where these follow more closely, or there was no time for another.
+
+    From where a scene without a law follows better, through impacts, a law may not find back to where it was.
+    """
     best = {t.label: t for t in sorted(earlier, key=lambda t: t.gain) if t.fit is not None}
 
     def kept(t: Trial) -> Trial:
-        had = best.get(t.label) if t.reason == TOO_LATE else None
-        return t if had is None or had.fit is None else replace(had, gain=base.chi2 - had.fit.chi2)
+        had = best.get(t.label)
+        if had is None or had.fit is None:
+            return t
+        now = base if t.fit is None else t.fit
+        nearer = t.reason == TOO_LATE or had.fit.chi2 < now.chi2
+        return replace(had, gain=base.chi2 - had.fit.chi2) if nearer else t
 
     return sorted(map(kept, trials), key=lambda t: -t.gain)
 

@@ -21,9 +21,10 @@ def away_from_radii(case: Case) -> list[str]:
     them at a distance, or none does where they touch. It asks all frames, and is told once the verdict is fixed.
     """
     scene, c = case.recording.scene, current().touches
-    if not scene.laws_as("contact") or any(item.law.kind == "pair" and item.law.reach for item in scene.laws):
-        return []
+    reaches = any(item.law.kind == "pair" and item.law.reach for item in scene.laws)
     paths, off = paths_of(case), list[tuple[float, str]]()
+    if not scene.laws_as("contact") or reaches or len(paths) > c.most:
+        return []
     for a, b in combinations(paths, 2):
         radii = scene.body(a).radius + scene.body(b).radius
         met = list(_impacts(case.t, paths[b][0] - paths[a][0], radii, float(np.hypot(paths[a][1], paths[b][1]))))
@@ -53,11 +54,12 @@ def nearer_than_radii(case: Case) -> list[str]:
     """
     scene, c, paths = case.recording.scene, current().touches, paths_of(case)
     deepest = None
-    for a, b in combinations(paths, 2):
+    for a, b in combinations(paths if len(paths) <= c.most else (), 2):
         radii = scene.body(a).radius + scene.body(b).radius
         gap = np.linalg.norm(paths[b][0] - paths[a][0], axis=1)
         near = np.sort(gap[np.isfinite(gap)])[: c.frames]
-        if len(near) == c.frames and near[-1] < (1 - c.deep) * radii and near[-1] < radii - c.sure * paths[a][1]:
+        noise = float(np.hypot(paths[a][1], paths[b][1]))
+        if len(near) == c.frames and near[-1] < min((1 - c.deep) * radii, radii - c.sure * noise):
             deepest = min(deepest or (1.0, "", "", 0.0, 0.0), (near[-1] / radii, a, b, near[-1], radii))
     if deepest is None:
         return []
@@ -76,10 +78,9 @@ def _impacts(t: np.ndarray, way: np.ndarray, radii: float, noise: float) -> Iter
     c, kicks = current().touches, current().kicks
     seen = np.flatnonzero(np.isfinite(way).all(axis=1))
     gap, usual = np.linalg.norm(way[seen], axis=1), float(np.median(np.diff(t)))
-    for k in range(kicks.few, len(seen) - kicks.few):
+    for k in np.flatnonzero((gap > 0) & (gap <= (1 + c.near) * radii)).tolist():
         half = min(kicks.half, k, len(seen) - 1 - k)
-        near = gap[k - half : k + half + 1]
-        if gap[k] > (1 + c.near) * radii or gap[k] > near.min():
+        if half < kicks.few or gap[k] > gap[k - half : k + half + 1].min():
             continue
         rows = seen[k - half : k + half + 1]
         s = t[rows] - t[seen[k]]
@@ -90,7 +91,7 @@ def _impacts(t: np.ndarray, way: np.ndarray, radii: float, noise: float) -> Iter
         design = np.column_stack([np.ones(len(s)), s, s**2, np.maximum(s - when, 0.0)])
         numbers, *_ = np.linalg.lstsq(design, way[rows], rcond=None)
         place = numbers[0] + numbers[1] * when + numbers[2] * when**2
-        apart = float(np.hypot(*place))
+        apart = max(float(np.hypot(*place)), 1e-300)
         size, along = float(np.hypot(*step)), float(step @ place) / apart
         more = max(left / (freedom * noise**2), 1.0)  # what an impact that lasts leaves beyond noise
         covariance = np.linalg.inv(design.T @ design) * noise**2 * more
