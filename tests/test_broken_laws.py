@@ -93,6 +93,7 @@ CASES = [
     ("added_mass", lambda: sliding(use("uniform_force", a=(0.5, -0.2)), use("added_mass", beta=0.4))),
     ("spring", carts),
     ("lift", lambda: sliding(use("lift", l=-0.3))),
+    ("periodic_force", lambda: sliding(use("periodic_force", a=(0.4, -0.2), b=(0.1, 0.3), f=1.3))),
     ("curved_surface", lambda: sliding(use("curved_surface", curvature=0.4, centre=(0.1, 0.2)))),
     ("nonlinear_spring", lambda: carts(use("nonlinear_spring", k_3=400.0))),
     ("wall_drag", lambda: pressed(use("wall_drag", c=0.5, range=0.01))),

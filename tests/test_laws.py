@@ -72,6 +72,7 @@ CASES = [
     ("buried_force", "bed", {"s": -2e-3, "a": (2e-3, -1e-3), "n": 4, "b": 3e-3}),
     ("pair_spring", "carts", {"k": 2.0, "f_0": 0.7}),
     ("lift", "bed", {"l": 2e-3}),
+    ("periodic_force", "bed", {"a": (0.4, -0.2), "b": (0.1, 0.3), "f": 9.0}),
     *[("curved_surface", "carts", {"curvature": 0.3, "bent": b, "centre": (0.1, -0.2)}) for b in (0, 1, 2)],
     ("cohesion", "bed", {"force": 1e-3, "range": 1e-4}),
     ("contact_friction", "bed", {"mu": 0.4, "v_0": 1e-2}),
@@ -154,9 +155,10 @@ class TestMechanism:
         scene, dt = SCENES[where]()
         law = get_law(name, given=values)
         # what comes from a hidden point is not asked by itself, and how a surface is bent beside another law alone
-        assert law.candidate == {"source": "", "surface": "beside"}.get(law.role, "named")
+        assert law.candidate == {"source": "", "beat": "", "surface": "beside"}.get(law.role, "named")
         assert law.strength and name in (law.name, law.mechanism)
-        absent = {strength: law.parameter(strength).neutral for strength in law.strength}
+        numbers = [law.parameter(strength) for strength in law.strength]
+        absent = {p.name: p.neutral if p.size == 1 else (p.neutral,) * p.size for p in numbers}
         np.testing.assert_array_equal(
             ends(scene.with_laws(use(name, **{**values, **absent})), dt, "verlet"), without[where]
         )
@@ -308,7 +310,10 @@ def test_where_laws_can_act():
         where: {law.name for law in all_laws().values() if law.name in MECHANISMS and build()[0].admits(law)}
         for where, build in SCENES.items()
     }
-    always = {"ambient_flow", "quadratic_flow", "added_mass", "point_force", "buried_force", "curved_surface", "lift"}
+    always = {
+        "ambient_flow", "quadratic_flow", "added_mass", "point_force", "buried_force", "curved_surface", "lift",
+        "periodic_force",
+    }  # fmt: skip
     pairs = {"distance_force", "cohesion", "pair_lubrication"}
     actuators = {"actuator_lag", "actuator_delay", "actuator_saturation", "actuator_deadband"}
     assert admitted["carts"] == always | pairs | {"nonlinear_spring", "pair_spring"}

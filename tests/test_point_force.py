@@ -119,7 +119,7 @@ def test_it_is_asked_for_beside_what_slows_the_pucks_down():
     model.recalibrate()
     model.try_candidates()
     model.nulls()
-    plain, terms = model.plain, unseen_terms(model.study.cases)
+    plain, terms = model.plain, unseen_terms(model.study.cases, "source")
     other = model.with_unseen(0, plain)
     assert other is not None and other.chosen is not None and other.chosen.mechanism == "linear_drag"
     # a claim that leaves as little with fewer numbers is not asked

@@ -20,7 +20,7 @@ CONTACTS = ("contact_linear", "contact_hertz")
 CHAIN_LAWS = ("union", "bending")
 FIELDS = (
     "gravity", "uniform_force", "linear_drag", "quadratic_drag", "coulomb_substrate", "confinement", "spring",
-    "curved_surface", "lift",
+    "curved_surface", "lift", "periodic_force",
 )  # fmt: skip
 # drags and friction of substrate and joints: in the exact scheme they see the velocity of the positions' time
 DAMPED = (
@@ -220,7 +220,7 @@ class Forces:
                     law = union if item.name == "union" else bending
                     force[disks] += law(t, self._unfold(xy[disks]), v[disks], self.mass[disks], **values)
             elif item.name in FIELDS:
-                force[rows] += self._field(item, values, xy[rows], v[rows], rows)
+                force[rows] += self._field(item, values, t, xy[rows], v[rows], rows)
             elif item.name in mechanisms.FIELDS:
                 gaps = self.walls.gaps(xy[rows], self.radius[rows])
                 force[rows] += mechanisms.field(item.name, values, xy[rows], v[rows], self.radius[rows], gaps)
@@ -359,9 +359,9 @@ class Forces:
                 np.add.at(self.torque, k, mechanisms.rolling(values, normal, self.radius[k], self.spin[k]))
 
     def _field(
-        self, item: LawUse, values: dict, xy: np.ndarray, v: np.ndarray, rows: np.ndarray
+        self, item: LawUse, values: dict, t: float, xy: np.ndarray, v: np.ndarray, rows: np.ndarray
     ) -> np.ndarray:
-        """Force [N] on each of ``rows``, which depends on that body's own state only."""
+        """Force [N] on each of ``rows``, which depends on that body's own state and the time [s] only."""
         mass = self.mass[rows][:, None]
         speed = np.hypot(v[:, 0], v[:, 1])[:, None]
         relative = (self.radius[rows] / self.radius[rows].mean())[:, None] if len(rows) else mass
@@ -381,6 +381,10 @@ class Forces:
         if item.name == "curved_surface":
             bent = np.array({0: [1.0, 1.0], 1: [1.0, 0.0], 2: [0.0, 1.0]}[int(values["bent"])])
             return -mass * self.scene.gravity_size * values["curvature"] * bent * (xy - np.array(values["centre"]))
+        if item.name == "periodic_force":
+            turn = 2 * np.pi * values["f"] * t
+            pushed = np.cos(turn) * np.array(values["a"]) + np.sin(turn) * np.array(values["b"])
+            return mass * np.broadcast_to(pushed, xy.shape)
         if item.name == "lift":
             return values["l"] * speed * v[:, ::-1] * np.array([-1.0, 1.0])
         # a spring to an anchor

@@ -60,7 +60,43 @@ def camera_terms(cases: Sequence[Case]) -> list[Term]:
                  set_camera("bias"), expression="seen = true + b", groups=(("b", (0, 1)),))
         )  # fmt: skip
     plain = [t for t in terms if not t.special]
+    terms += _zero_terms(cases, level)
     return terms + _of_one_recording(plain, cases) + _oblique_terms(positions) + _lens_terms(cases)
+
+
+def _zero_terms(cases: Sequence[Case], level: float) -> list[Term]:
+    """Sensors of angles whose zeros are off, each by its own: all of them, and of a few any one.
+
+    Of one sensor alone that is a picture that is turned. ``level``: what nobody notices [rad]
+    """
+    read = list(dict.fromkeys(c.body for case in cases for c in case.channels if c.kind == "angle"))
+    if len(read) < 2:
+        return []
+    ends = current().apparatus
+    free = tuple(
+        Free(f"camera.zero[{b}]", "rad", -ends.tilt, ends.tilt, 0.0, ends.scale, unseen=level,
+             cases=frozenset(c.name for c in cases if b in c.bodies))
+        for b in read
+    )  # fmt: skip
+
+    def apply_to(bodies: Sequence[str]):
+        def apply(scene, camera, values):
+            return scene, {**camera, "zeros": tuple((b, float(v)) for b, v in zip(bodies, values, strict=True))}
+
+        return apply
+
+    def term(rows: Sequence[int], label: str) -> Term:
+        bodies = tuple(read[k] for k in rows)
+        groups = tuple(("b", (k,)) for k in range(len(rows)))
+        mine = tuple(free[k] for k in rows)
+        return Term("tracking_bias", label, mine, apply_to(bodies), bodies=bodies, expression="seen angle = true + b",
+                    groups=groups)  # fmt: skip
+
+    single = range(len(read)) if len(read) <= current().candidates.single else ()
+    return [
+        term(range(len(read)), "tracking_bias of every angle"),
+        *(term([k], f"tracking_bias of the angle of {read[k]}") for k in single),
+    ]
 
 
 def _about_where_they_hang(faults: Sequence[Term], cases: Sequence[Case]) -> list[Term]:

@@ -157,8 +157,9 @@ def _combinations(law: Law, *, alike: bool) -> list[dict[str, Any]]:
 
 def _stretches(law: Law) -> tuple[float, ...]:
     """From how many times its typical size a range or an exponent is looked for."""
-    if law.role in ABOUT or law.candidate == "flexible" or law.form_of:
-        # its signature finds the flow, or the point, itself; a form bends wherever it begins, or where the other ends
+    if law.role in (*ABOUT, "beat") or law.candidate == "flexible" or law.form_of:
+        # its signature finds the flow, the point or the frequency itself; a form bends wherever it begins, or where the
+        # other ends
         return (1.0,)
     shapes = [p for p in law.parameters if p.typical is not None and p.name not in law.strength and not p.within]
     if not shapes:
@@ -472,9 +473,12 @@ def beside_terms(cases: Sequence[Case]) -> list[Term]:
     return [t for law in laws for t in law_terms(law, cases, each=False)]
 
 
-def unseen_terms(cases: Sequence[Case]) -> list[Term]:
-    """Forces from a place at which nothing is seen, for all bodies alike: asked where nothing that is seen explains."""
-    laws = [law for law in all_laws().values() if law.role == "source" and applies(law, cases)]
+def unseen_terms(cases: Sequence[Case], *roles: str) -> list[Term]:
+    """Forces of what nobody sees, for all bodies alike: asked where nothing that is seen explains.
+
+    roles : "source", from a place at which nothing is seen;  "beat", at one frequency
+    """
+    laws = [law for law in all_laws().values() if law.role in roles and applies(law, cases)]
     return [t for law in laws if not out_of_place(law, cases) for t in law_terms(law, cases, each=False)]
 
 

@@ -26,7 +26,7 @@ from .start import StartBody, numbers_at, states, turning_angle
 NO_CAMERA: dict[str, Any] = {
     "scale": 1.0, "tilt": 0.0, "rate": 1.0, "time_offset": 0.0, "bias": (0.0, 0.0), "distortion": 0.0,
     "middle": (0.0, 0.0), "foreshortening": 1.0, "direction": 0.0, "drift": (0.0, 0.0),
-    "jump": (0.0, 0.0), "jumped": 0.0, "about": (0.0, 0.0),
+    "jump": (0.0, 0.0), "jumped": 0.0, "about": (0.0, 0.0), "zeros": (),
 }  # fmt: skip
 
 
@@ -442,14 +442,15 @@ class Predictor:
         between, xy = xy, xy[at_frames]
         seen = xy
         if camera is not NO_CAMERA:
-            shows = {key: value for key, value in camera.items() if key not in ("rate", "time_offset")}
+            shows = {key: value for key, value in camera.items() if key not in ("rate", "time_offset", "zeros")}
             seen = see(xy, since=t - case.t[0], **shows)
-        at = {b: k for k, b in enumerate(case.bodies)}
+        at, zeros = {b: k for k, b in enumerate(case.bodies)}, dict(camera["zeros"])
         out = np.empty((len(t), len(case.channels)))
         for c, channel in enumerate(case.channels):
             k = at[channel.body]
             if channel.kind == "angle":
                 angle = turning_angle(between, rows, scene, channel.body)[at_frames] + camera["tilt"]
+                angle = angle + zeros.get(channel.body, 0.0)
                 # the same turn as the start that was asked for
                 first = next(s for s in starts if s.body == channel.body)
                 asked = numbers[_offset(starts, channel.body)] if first.free[0] else first.first[0]

@@ -137,7 +137,8 @@ def _of_what_nobody_sees(
     form, named = further.as_unseen(found), {law.mechanism for law in judged.claim.laws}
     if form is None:
         return None
-    if judged.verdict in CLAIMED and any(law.mechanism in named for law in found.claim.laws):
+    beside = form.verdict not in CLAIMED  # a law with a name takes their place
+    if beside and judged.verdict in CLAIMED and any(law.mechanism in named for law in found.claim.laws):
         model.notes.append(f"what {judged.claim.label} leaves, {further.notes[-1]}")
         return None
     return further, form

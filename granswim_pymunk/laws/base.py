@@ -228,6 +228,7 @@ ROLES = {
     "pivot": "two bodies, or one and the world, turn about a point",
     "tether": "draws a body to a place",
     "source": "a force from a place at which nothing is seen",
+    "beat": "a force at one frequency, of what nobody sees",
     "brake": "holds a body that has come to rest",
     # of forms without a name: what they are smooth in
     "place": "a force smooth in place",

@@ -308,6 +308,9 @@ class SignatureCriteria:
         one;  slow : of the fastest speed, the least scale of a stream's. Choices
     places : of the extent of all tracks, where to either side of their middle a point that acts on bodies is looked
         for, and then about the best place in turn. Choice: a force that falls off shows within its distance alone
+    beats : strongest lines of what is left, about which a force at one frequency is begun, ``about_beat``: from each,
+        in lines' widths. Choices: of a few the strongest is the resonance's own, and a line is told to a part of its
+        width;  beat_step : of that width, by which such a frequency is first moved. Choice
     """
 
     same_column: float = 1e-4
@@ -330,6 +333,9 @@ class SignatureCriteria:
     places: tuple[tuple[float, ...], ...] = (
         (-1.0, -0.5, 0.0, 0.5, 1.0), (-0.25, 0.0, 0.25), (-0.125, 0.0, 0.125), (-0.0625, 0.0, 0.0625)
     )  # fmt: skip
+    beats: int = 4
+    about_beat: tuple[float, ...] = (-0.5, -0.25, 0.0, 0.25, 0.5)
+    beat_step: float = 0.05
 
 
 @dataclass(frozen=True)

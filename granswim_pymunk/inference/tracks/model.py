@@ -246,21 +246,35 @@ class Tracks(ObservationModel):
         self.study, self.tried = with_memory(*without_outliers(self.study, tried))
 
     def with_unseen(self, told: int, claim: Claim) -> Tracks | None:
-        terms = unseen_terms(self.study.cases)
+        roles = ("source", "beat") if self._goes_to_and_fro(claim) else ("source",)
+        terms = unseen_terms(self.study.cases, *roles)
         if not terms or self.null is None or self.study.late(current().budget.settling):
             return None
         other = copy(self)
-        other.study = replace(self.study, rng=deepcopy(self.study.rng), notes=self.notes[:told], seeks="source")
+        other.study = replace(self.study, rng=deepcopy(self.study.rng), notes=self.notes[:told], seeks=roles)
         other.notes = other.study.notes
         other.dropped, other.undeclared, other.beside_names = dict(self.dropped), [], []
         other._looked_at, other._completeness = set(self._looked_at), dict(self._completeness)
         other.tried = tried_besides(other.study, self.tried, terms)
         other.chosen = chosen_alone(other.study, other.tried, self.null)
-        if other.chosen is not None and has_role(other.chosen.mechanism, "source"):
+        alone = other.chosen if other.chosen is not None and has_role(other.chosen.mechanism, *roles) else None
+        if alone is not None and not has_role(alone.mechanism, "beat"):
             return other
+        # without a drag a force at the frequency of a resonance makes its swings smaller, too
+        best, used = (claim.fit, sum(t.used for t in claim.laws)) if alone is None else (alone.fit, alone.numbers)
         search = search_with(other.study, other.tried, other.study.fitter)
-        other.chosen = slowed_beside(search, self.tried.alive, terms, claim.fit, sum(t.used for t in claim.laws))
+        slowed = None if best is None else slowed_beside(search, self.tried.alive, terms, best, used)
+        other.chosen = slowed or alone
         return other if other.chosen is not None else None
+
+    def _goes_to_and_fro(self, claim: Claim) -> bool:
+        """Whether most of what a claim, or the scene without laws, leaves is an oscillation at one frequency."""
+        few, training = current().left, self.study.training
+        for fit in (claim.fit, self.tried.recalibrated):
+            line = strongest_line(fit, training)
+            if line is not None and line.paid > few.looks and line.gain > few.line * fit.excess:
+                return True
+        return False
 
     def as_unseen(self, judged: Judgement) -> Judgement | None:
         laws = judged.claim.laws
@@ -268,7 +282,7 @@ class Tracks(ObservationModel):
         unseen = [t for t in laws if has_role(t.mechanism, "source") and all_laws()[t.term.law].candidate != "named"]
         others = [t for t in laws if all(t is not u for u in unseen)]
         if not unseen:
-            return None
+            return judged if any(has_role(t.mechanism, "beat") for t in laws) else None
         told = Told(judged.claim.fit, self.spread, self.study.cases)
         self.notes[:] = [note for note in self.notes if note not in self._of_the_unseen]  # another claim's
         (entry, *_), phrase = told.entries(unseen[0], None), plainly(unseen[0].mechanism)

@@ -321,10 +321,10 @@ def _one_more(
     taken = {t.mechanism for t in found}
     rest = [t for t in terms if t.mechanism not in taken]
     beside = make_bank(search.fitter, revised, rest)
-    # where something else is wrong too, a law with many numbers fits whatever that is
+    # where something else is wrong too, a law with many numbers fits whatever that is; not the one that is sought
     spread = search.spread(revised)
-    most = max(t.numbers for t in found)
-    open_ = [s for s in beside.signatures if spread <= 1 or len(s.term.free) <= max(most, sets.numbers)]
+    most = max(sets.numbers, *(t.numbers for t in found))
+    open_ = [s for s in beside.signatures if spread <= 1 or len(s.term.free) <= most or search.seeks_for(s.term)]
     shown = sorted((s for s in open_ if _shows(s, spread, revised)), key=lambda s: -s.gain)
     order = leaders(shown, sets.seconds)
     order += [s for s in open_ if is_limit(s.term) and not any(s is o for o in order)]  # no first order in a limit

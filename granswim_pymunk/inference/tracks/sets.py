@@ -23,7 +23,7 @@ class SetSearch:
     terms : the candidates;  training : recordings that are learnt from;  inner : scores inside the training part
     scores : these scores, by the labels of laws: those of sets that are tried are added;  rng : of the nulls
     notes : what a reader should know, to which is added
-    seeks : a role that one law of a set has to have, where all without it were tried before
+    seeks : roles of which one law of a set has to have one, where all without it were tried before
     """
 
     base: Fit
@@ -34,7 +34,7 @@ class SetSearch:
     scores: dict[str, float]
     rng: np.random.Generator
     notes: list[str]
-    seeks: str = ""
+    seeks: tuple[str, ...] = ()
 
     @property
     def first(self) -> int:
@@ -47,7 +47,11 @@ class SetSearch:
 
     def new(self, *terms: Term) -> bool:
         """Whether a set of laws has not been tried before for want of the role that is sought."""
-        return not self.seeks or any(has_role(t.mechanism, self.seeks) for t in terms)
+        return not self.seeks or any(map(self.seeks_for, terms))
+
+    def seeks_for(self, term: Term) -> bool:
+        """Whether a law has a role that is sought."""
+        return bool(self.seeks) and has_role(term.mechanism, *self.seeks)
 
     def scene_with(self, *terms: Term) -> Hypothesis:
         """The recalibrated scene with these laws."""

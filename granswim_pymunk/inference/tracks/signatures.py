@@ -17,6 +17,7 @@ from ..hypothesis import Term
 from ..linear import basis, project
 from .fit import Fitter
 from .fitted import Fit
+from .line import lines
 
 
 @dataclass(frozen=True)
@@ -312,6 +313,28 @@ def _at_its_place(fitter: Fitter, fit: Fit, term: Term, nuisance: np.ndarray, le
     return best
 
 
+def _at_its_frequency(fitter: Fitter, fit: Fit, term: Term, nuisance: np.ndarray, left: np.ndarray) -> Term:
+    """A force at one frequency, begun from that at which it explains most to first order.
+
+    About the frequencies at which most of what is left goes to and fro: a resonance answers at its own as well.
+    """
+    criteria = current().signatures
+    row = next(k for k, f in enumerate(term.free) if f.inner)
+    firsts, scales = [f.first for f in term.free], [f.scale for f in term.free]
+    longest = max(float(np.ptp(case.t)) for case in fitter.cases)
+    scales[row] = criteria.beat_step / longest
+    best, most = term, -1.0
+    for line in lines(fit, fitter.cases, criteria.beats):
+        for away in criteria.about_beat:
+            firsts[row] = line.frequency + away / longest
+            begun = rescaled(term, scales, firsts)
+            columns, sizes = columns_of(fitter, fit, begun)
+            _, surviving, gain, _ = _held_against(columns, sizes, nuisance[:, :0], nuisance, left)
+            if gain > most and surviving > criteria.surviving:
+                best, most = begun, gain
+    return best
+
+
 def _as_fast(term: Term, stream: Term) -> Term:
     """A term with the first values and scales that those of its numbers which are speeds have in another."""
     other = {f.name.rpartition(".")[2]: f for f in stream.free if f.unit == "m/s"}
@@ -342,6 +365,8 @@ def make_bank(fitter: Fitter, fit: Fit, terms: Sequence[Term]) -> Bank:
             term = next((_as_fast(term, s.term) for s in signatures if s.term.mechanism == term.mechanism), term)
         if has_role(term.mechanism, "source"):
             term = _at_its_place(fitter, fit, term, nuisance, left)
+        if has_role(term.mechanism, "beat") and any(f.inner for f in term.free):
+            term = _at_its_frequency(fitter, fit, term, nuisance, left)
         columns, scales = columns_of(fitter, fit, term)
         if not any(f.inner for f in term.free):
             term, columns = _told_along(term, columns)

@@ -66,7 +66,8 @@ class Study:
     progress: Progress
     late: Callable[[float], bool]  # whether that share of the budget is spent
     notes: list[str] = field(default_factory=list)
-    seeks: str = ""  # a role that one of several laws has to have, where all without it were tried before
+    # roles of which one of several laws has to have one, where all without it were tried before
+    seeks: tuple[str, ...] = ()
 
     @property
     def kicked(self) -> list[Case]:
