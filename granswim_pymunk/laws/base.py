@@ -164,6 +164,8 @@ class Parameter:
     # that shows there ("force", N), or of that force over the grains' speed ("drag", kg/s)
     in_bed: float | None = None
     in_bed_times: str = ""
+    # of one of several strengths: without it the law is another one, as a spring that is not stiff
+    needed: bool = False
     # -1: it is tried below its neutral value first, as of a joint that is weaker
     side: int = 0
     # up to which a strength is what laboratories are off by in what they believe; 0: it is never that

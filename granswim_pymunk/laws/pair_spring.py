@@ -9,7 +9,7 @@ from .base import AUTOMATIC, Parameter, law
     expression="F_n = f_0 - k d, d the distance of centres: a spring that is f_0/k long at rest",
     reference="Hooke 1678, De Potentia Restitutiva",
     parameters=[
-        Parameter("k", "N/m", "stiffness of the spring", low=0.0, typical=1.0),
+        Parameter("k", "N/m", "stiffness of the spring", low=0.0, typical=1.0, needed=True),
         Parameter("f_0", "N", "stiffness times the length at rest; above zero it pushes what is nearer", typical=1.0),
         Parameter(
             "cutoff",

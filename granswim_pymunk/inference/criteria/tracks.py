@@ -571,6 +571,8 @@ class LeftCriteria:
     places : probability of chance below which a body is a place of the mismatch, after looking at all;  windows : the
         same for the windows that it is told from. Choice
     touching : standard deviations of a gap, below which bodies touch
+    distances : of two bodies, evenly over those that were seen, at which a force between them is asked for; step : of a
+        number, by which it is moved to differentiate that force. Choices
     right : repeats, that tell the errors of the right law;  pieces : that a recording is cut into where places of the
         mismatch are looked for;  proposal : frames of a recording, of which the next experiment is weighed. Choices
     """
@@ -595,6 +597,8 @@ class LeftCriteria:
     places: float = 0.01
     windows: float = 0.05
     touching: float = 4.0
+    distances: int = 21
+    step: float = 1e-4
     right: int = 10
     pieces: int = 8
     proposal: int = 400

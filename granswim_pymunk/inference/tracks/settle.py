@@ -265,7 +265,8 @@ def reaches_its_end(trial: Trial, fit: Fit, spread: float) -> str:
 
     As it may be there as well, it has not been found. Not a bound where the law is absent, nor one of nature. Nor has
     one that, at the law's shape, goes from where that is absent to no end: anything would do. Of a force from a point
-    that nobody sees place and shape count too: far away, and with any power, it is a smooth field like many others.
+    that nobody sees place and shape count too: far away, and with any power, it is a smooth field like many others. A
+    spring whose stiffness may be none is no spring.
     spread : inflation of variances by what the fit leaves
     """
     unseen = has_role(trial.mechanism, "source")
@@ -281,6 +282,12 @@ def reaches_its_end(trial: Trial, fit: Fit, spread: float) -> str:
         far = current().signatures.longest * free.scale
         if low <= free.neutral <= high and max(high - value, value - low) > far:
             return f"the interval of {free.name} holds none and has no end"
+    law = all_laws().get(trial.term.law)
+    needed = {f"{law.name}.{p.name}" for p in law.parameters if p.needed} if law is not None else set[str]()
+    for k, free in enumerate(trial.term.free, fit.hypothesis.rows(trial.label).start):
+        _, low, high = fit.interval(k, spread)
+        if free.name in needed and low <= free.neutral <= high:
+            return f"{free.name} may as well be none, and without it this is another law"
     return ""
 
 

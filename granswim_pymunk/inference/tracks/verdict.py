@@ -22,6 +22,7 @@ from ..pushes import told_as, with_form
 from ..result import HELD_OUT, PARTLY, TRAINING, Used, handed_over, mechanism_entry
 from ..start import describe_starts, first_numbers, states
 from ..swimmer_terms import is_components, reported_parameters
+from .at_distance import force_where_seen
 from .fitted import Fit
 from .intervals import with_shape_held
 from .name import Trial
@@ -272,6 +273,8 @@ class Told:
             on_all = owner is None and set(acting) == set(names_of(self.cases))
             parameters = with_form(term.law, parameters, on_all, [case.recording.scene for case in self.cases])
             expression += told_as(parameters)
+            if owner is None:
+                expression += force_where_seen(term, self.fit, offset, self.spread, self.cases)
             shown = [r for r, f in enumerate(term.free) if f.name in term.along]
             mine = [r for r in shown if owner is None or term.free[r].name.endswith(f"[{owner}]")]
             expression += "".join(self._seen_along(offset, term, r) for r in mine)
