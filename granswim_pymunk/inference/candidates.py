@@ -384,6 +384,10 @@ def out_of_place(law: Law, cases: Sequence[Case]) -> bool:
         return True
     if lifts and not all(map(_flies, scenes)):
         return True
+    # what goes round a pin, or along a rail, takes up a force across its motion, of which rounding alone shows
+    kept = [name for name, other in all_laws().items() if other.role in ("pendulum", "guide")]
+    if law.role == "across" and all(_holds_all(s, kept) for s in scenes):
+        return True
     held: set[str] = set()
     for other in all_laws().values():
         if suited(other, cases) and all(_holds_all(c.recording.scene, other.preferred_where) for c in cases):

@@ -218,8 +218,9 @@ def refit(fitter: Fitter, base: Fit, signature: Signature, stages: Sequence[floa
         if first_will_do and (found.chi2 < few.first_share * base.chi2 or base.chi2 < few.noise * base.count):
             break
     assert best is not None
-    if fitter.segmented and best.chi2 > base.chi2 and not is_limit(signature.term):
-        # a scene with a law cannot do worse than without: what first order says led beyond an impact. From there, then
+    if best.chi2 > base.chi2 and not is_limit(signature.term):
+        # a scene with a law cannot do worse than without: what first order says led beyond an impact, or along a
+        # valley of nearly equal numbers to where nothing is followed any more. From there, then
         none = np.array([f.first if f.inner else f.neutral for f in signature.term.free])
         found = fitter.fit(hypothesis, np.concatenate([base.values, none]), base.starts, evaluations=few.evaluations)
         best = min(best, found, key=lambda fit: fit.chi2)
