@@ -97,3 +97,16 @@ def test_it_is_asked_of_what_slides_or_rolls_alone():
     assert not asked(use("gravity"), gravity=(0.0, -G))
     assert not asked(use("spring", anchor=(0.0, 0.0), stiffness=1.0))
     assert not asked(use("pin", bodies=["a"], anchor=(0.0, 1.0), length=1.0))
+
+
+@pytest.mark.parametrize("frames", [8, 60])
+def test_what_was_seen_of_a_surface_leans_by_no_radian(frames):
+    """A ball on a ramp was followed by a radius of curvature of 17 mm; friction, and what rolls, do as well."""
+    t = np.arange(frames) / 30
+    xy = np.column_stack([0.3 * t, 0 * t])[:, None]
+    scene = Scene((Body("a", "free", 0.02, 0.1),), (use("rail", direction=(1.0, 0.0)),))
+    cases = prepare_all([Recording("r", scene, t, ("a",), xy, position_noise=1e-4)], [])
+    seen = 0.3 * t[cases[0].training]
+    for term in beside_terms(cases):
+        (curvature,) = term.free
+        assert curvature.high == -curvature.low == pytest.approx(2 / np.ptp(seen), rel=0.01)

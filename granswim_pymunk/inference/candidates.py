@@ -82,6 +82,7 @@ def law_terms(law: Law, cases: Sequence[Case], *, each: bool) -> list[Term]:
     fitted = sorted((p for p in law.parameters if p.typical is not None), key=lambda p: p.name not in law.strength)
     given = constants(law, cases)
     about = places_about(cases) if any(p.within == "tracks" for p in fitted) else None
+    steepest = 1.0 / max(extent_of(cases), 1e-9) if any(p.within == "lean" for p in fitted) else math.inf
     fastest = fastest_of(cases) if any(p.within == "speed" for p in fitted) else math.inf
     thin, wide = layers_seen(law, cases) if any(p.within == "sight" for p in fitted) else (0.0, math.inf)
     least = _lightest_of(cases)
@@ -105,6 +106,8 @@ def law_terms(law: Law, cases: Sequence[Case], *, each: bool) -> list[Term]:
                 if p.within == "weight":
                     # a mass that halves makes no more sense than one that doubles
                     low = max(low, least, 1.0 / (1.0 + p.high) - 1.0)
+                elif p.within == "lean":
+                    low, high = max(low, -steepest), min(high, steepest)
                 elif p.within == "sight":
                     low, high = max(low, thin), min(high, wide)
                     # begun at one of its bounds it would not be known to have ended there
@@ -188,9 +191,7 @@ def constants(law: Law, cases: Sequence[Case]) -> dict[str, Any]:
         result["begin"], result["span"] = begin, max(end - begin, 1e-9)
     if "centre" in names:
         # of a place along a rail, or of one coordinate, the other one is where it is believed
-        places = [c.recording.on_rails().xy[c.training].reshape(-1, 2) for c in cases]
-        every = np.concatenate(places)
-        every = every[np.isfinite(every).all(axis=1)]
+        every = _places_of(cases)
         if len(every):
             result["centre"] = tuple(float(v) for v in every.mean(axis=0))
             result["size"] = float(max(np.ptp(every, axis=0).max() / 2, 1e-9))
@@ -233,14 +234,25 @@ def fastest_of(cases: Sequence[Case]) -> float:
 
 def places_about(cases: Sequence[Case]) -> tuple[tuple[float, float], float] | None:
     """The middle (x, y) of all tracks in the training parts, and how far they went from it [m]; None where none did."""
-    places = [c.recording.on_rails().xy[c.training].reshape(-1, 2) for c in cases if not c.held_out]
-    every = np.concatenate(places) if places else np.zeros((0, 2))
-    every = every[np.isfinite(every).all(axis=1)]
+    every = _places_of(cases)
     if len(every) < current().candidates.places:
         return None
-    middle = every.mean(axis=0)
-    extent = float(np.hypot(*(every - middle).T).max())
+    middle, extent = every.mean(axis=0), extent_of(cases)
     return ((float(middle[0]), float(middle[1])), extent) if extent > 0 else None
+
+
+def extent_of(cases: Sequence[Case]) -> float:
+    """How far tracks of the training parts went from the middle of all of them [m], 0 where none did."""
+    every = _places_of(cases)
+    away = every - every.mean(axis=0) if len(every) else every
+    return float(np.hypot(*away.T).max(initial=0.0))
+
+
+def _places_of(cases: Sequence[Case]) -> np.ndarray:
+    """(k, 2) all places in the training parts; along a rail with the other coordinate where it is believed."""
+    places = [c.recording.on_rails().xy[c.training].reshape(-1, 2) for c in cases if not c.held_out]
+    every = np.concatenate(places) if places else np.zeros((0, 2))
+    return every[np.isfinite(every).all(axis=1)]
 
 
 class _LawAdder:

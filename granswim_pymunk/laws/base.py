@@ -158,6 +158,7 @@ class Parameter:
     # "speed": no larger than the fastest body moves, or it explains nothing;  "amplitude": no larger than that of the
     # drive, above which it does nothing;  "weight": no less than masses are off by where gravity moves what nothing
     # holds, as it acts on mass and inertia alike;  "sight": of a layer along walls, no thinner or wider than shows;
+    # "lean": of a curvature, none with which what was seen of a surface leans by a radian at its end, or is no surface;
     # "tracks": a place, no farther from the middle of all tracks than bodies that were seen can tell
     within: str = ""
     # the size of a first try in a bed of grains, where its unit does not tell it: a number, or a multiple of the force

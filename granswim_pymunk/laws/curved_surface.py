@@ -8,7 +8,9 @@ from .base import Parameter, law
     expression="F_i = -m_i g K (r_i - r_0), K the curvature in all directions, along x alone or along y alone",
     reference="Goldstein 1980, Classical Mechanics, ch. 6 (small slopes: the potential m g h(r) to second order)",
     parameters=[
-        Parameter("curvature", "1/m", "curvature of the surface: above 0 a bowl, below 0 a dome", typical=0.01),
+        Parameter(
+            "curvature", "1/m", "curvature of the surface: above 0 a bowl, below 0 a dome", typical=0.01, within="lean"
+        ),
         Parameter(
             "bent",
             "1",
