@@ -304,7 +304,8 @@ def test_a_rod_that_was_taken_for_a_point_keeps_its_bearing_as_a_second_law():
 
 
 @pytest.mark.deep
-def test_a_pivot_that_shakes_is_unmodelled_and_told_as_an_oscillation():
+def test_a_pivot_that_shakes_is_a_force_at_its_frequency():
+    """Of small swings x'' = -w^2 (x - d sin rt): the place of the pivot is a force w^2 d along x. It was unmodelled."""
     t, length, rate, size = np.arange(720) / 60, 0.25, 9.0, 4e-3
 
     def change(time, s):
@@ -319,11 +320,13 @@ def test_a_pivot_that_shakes_is_unmodelled_and_told_as_an_oscillation():
         laws=(use("pin", bodies=("bob",), anchor=(0.0, 0.0), length=length), use("linear_drag", c=0.05 * 0.05)),
     )  # fmt: skip
     verdict = api.diagnose(t, xy, scene=scene, position_noise=4e-4).verdict
-    assert verdict["verdict"] == "unmodelled", verdict["mechanisms"]
+    assert verdict["verdict"] == "missing_physics"
     # a mismatch is real where nothing is missing less often than that (contract)
     assert verdict["null"]["p_false_alarm"] < 0.01
-    said = re.fullmatch(r"an oscillation at ([\d.]+) Hz", verdict["remains"]["looks_like"])
-    assert said and float(said[1]) == pytest.approx(rate / (2 * np.pi), rel=0.02), verdict["remains"]
+    (told,) = (m["parameters"] for m in verdict["mechanisms"] if m["name"] == "periodic_force")
+    assert told["f"]["value"] == pytest.approx(rate / (2 * np.pi), rel=0.002), told
+    along = np.hypot(told["a"]["value"][0], told["b"]["value"][0])
+    assert along == pytest.approx(9.81 / length * size, rel=0.1), told
 
 
 def test_noise_has_no_line_and_a_line_is_found():

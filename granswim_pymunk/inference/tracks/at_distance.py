@@ -31,14 +31,14 @@ def force_where_seen(term: Term, fit: Fit, offset: int, spread: float, cases: Se
     names = [f.name.rpartition(".")[2] for f in term.free]
     if law is None or law.kind != "pair" or not law.reach or len(names) < 2 or any("[" in n for n in names):
         return ""
-    if set(law.arguments) - SEEN - {a for p in law.parameters for a in p.arguments}:
+    given = _given(law, term)
+    if set(law.arguments) - SEEN - {*names, *given}:
         return ""
     distances, radii = seen_distances(term, cases)
     if not len(distances):
         return ""
     rows = slice(offset, offset + len(names))
     values, covariance = fit.values[rows], fit.covariance[rows, rows] * spread
-    given = _given(law, term)
     steps = np.maximum(np.abs(values), [abs(f.scale) for f in term.free]) * current().left.step
     best = (math.inf, 0.0, 0.0, 0.0)  # relative variance, distance, force, half of its interval
     for d in np.quantile(distances, np.linspace(0.0, 1.0, current().left.distances)).tolist():
@@ -60,9 +60,10 @@ def force_where_seen(term: Term, fit: Fit, offset: int, spread: float, cases: Se
 
 
 def _given(law: Law, term: Term) -> Mapping[str, Any]:
-    """Values of the numbers of a law that are not fitted."""
+    """Values of the single numbers of a law that are not fitted."""
     told = {p.name: p.default for p in law.parameters} | dict(term.choices) | {k: v for k, (v, _) in term.fixed.items()}
-    return {name: math.inf if value is AUTOMATIC else value for name, value in told.items()}
+    told = {name: math.inf if value is AUTOMATIC else value for name, value in told.items()}
+    return {name: value for name, value in told.items() if isinstance(value, int | float)}
 
 
 def seen_distances(term: Term, cases: Sequence[Case]) -> tuple[np.ndarray, float]:

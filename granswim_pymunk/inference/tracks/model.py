@@ -1164,9 +1164,10 @@ class Tracks(ObservationModel):
 
     def false_alarm(self, course: Course) -> float:
         p = super().false_alarm(course)
-        if course.judged.verdict != "unmodelled" or course.null is None:
+        sought = any(has_role(t.mechanism, "beat") for t in course.judged.claim.laws)
+        if course.null is None or not (sought or course.judged.verdict == "unmodelled"):
             return p
-        # no candidate gains more than in noise, and yet what is left is none
+        # no candidate gains more than in noise, and yet what is left is none: so is a force at one frequency asked for
         return min(p, max(self.completeness(self.tried.recalibrated).chance, 1 / (len(course.null.gains) + 1)))
 
     @property

@@ -828,7 +828,7 @@ class Exchange:
 
 
 def exchanges(search: SetSearch, found: list[Trial], revised: Fit) -> list[Exchange]:
-    """Laws in place of one of those found, the best of each name, best first.
+    """Laws in place of one of those found, of each name the one that is ahead, numbers paid for; best first.
 
     Beside the others alone they are ranked by signatures, and those that come near are refitted; of which a number
     ends at its bound, none stays.
@@ -849,7 +849,7 @@ def exchanges(search: SetSearch, found: list[Trial], revised: Fit) -> list[Excha
             trial = Trial(signature, fit, search.base.chi2 - fit.chi2, float("inf"))
             ahead = (revised.chi2 - fit.chi2) / spread - 2 * (trial.used - replaced.used)
             best = result.get(trial.mechanism)
-            if trial.gain > 0 and not absurd(trial) and (best is None or trial.gain > best.trial.gain):
+            if trial.gain > 0 and not absurd(trial) and (best is None or ahead > best.ahead):
                 result[trial.mechanism] = Exchange(keep, replaced, trial, float(ahead))
     return sorted(result.values(), key=lambda e: -e.trial.gain)
 
